@@ -1,0 +1,63 @@
+"""Draws docs/images/forecast.png: a typical forecast of a simulated vehicle, with the model that the demo trained.
+
+    make demo
+    .venv/bin/python docs/scripts/readme_picture.py out/demo/models/corrected
+
+Typical means: of the scenes of simulated window 2 whose vehicle changes lane and is seen for 15 s, the one whose error
+after 15 s is the median.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from rampcast.evaluate import scene_tracks
+from rampcast.forecast import Forecast, load
+from rampcast.formats import read_any
+from rampcast.recording import clean
+from rampcast.report import plot_forecast
+from rampcast.scenes import Scenes, build_scenes
+from rampcast.scenes.scenes import CENTRAL, X
+from rampcast.simulate import shipped_sample
+
+PICTURE = Path(__file__).parents[1] / "images" / "forecast.png"
+WINDOW = "simulated-2"  # the demo trains on the two others
+MODEL = "ghr"  # the paper shows its scenes with GHR
+DPI = 150
+
+
+def main(model_folder: Path) -> None:
+    """Draws the picture."""
+    test = clean(read_any(shipped_sample())[0])[0].window(WINDOW)
+    scenes = build_scenes(test, every=1.0)
+    forecast = load(model_folder).predict(scenes)
+    number = typical_scene(scenes, forecast)
+    vehicle, t0 = int(forecast.vehicle[number]), float(forecast.t0[number])
+    own = (pl.col("vehicle") == vehicle) & ((pl.col("t0") - t0).abs() < 0.1)
+    picture = plot_forecast(
+        scene_tracks(number, scenes, forecast),
+        lane_change=forecast.lane_change_table().filter(own),
+        ramp_end=test.site.ramp_end,
+        title=f"Simulated vehicle {vehicle} on the on-ramp: forecast at t = 0, and what it did",
+    )
+    PICTURE.parent.mkdir(exist_ok=True)
+    picture.savefig(PICTURE, dpi=DPI)
+    error = forecast.x[MODEL][number] - scenes.future[number, CENTRAL, :, X]
+    print(f"{PICTURE}: vehicle {vehicle}, t0 = {t0:.1f} s, changes lane after {scenes.change_crossing[number]:.1f} s;")
+    print(f"{MODEL}: error {error[24]:+.1f} m after 5 s, {error[49]:+.1f} m after 10 s, {error[74]:+.1f} m after 15 s")
+
+
+def typical_scene(scenes: Scenes, forecast: Forecast) -> int:
+    """Returns the number of the scene with the median error after 15 s, of those that show a lane change."""
+    eligible = scenes.future_valid[:, CENTRAL].all(axis=1) & (scenes.change_crossing > 1.0)
+    numbers = np.flatnonzero(eligible)
+    error = np.abs(forecast.x[MODEL][numbers, -1] - scenes.future[numbers, CENTRAL, -1, X])
+    return int(numbers[np.argsort(error)[len(error) // 2]])
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    main(Path(sys.argv[1]))

@@ -1,0 +1,150 @@
+# %% [markdown]
+# # Tutorial
+#
+# From a recording to a scored forecast, in eight short steps. The code is one script, `docs/tutorial.py`: run it as it is
+# (`python docs/tutorial.py`), or step through it in any editor that knows `# %%` cells. It uses the **simulated** recordings
+# that ship with rampcast, so you need no data, and it trains for seconds only: the numbers show how to read the
+# results, not how well real traffic can be forecast.
+#
+# ## 1. Read
+#
+# `read_any` tells the format by the content. With NGSIM files only the list of files changes. Inside, everything is in metres
+# and seconds; *x* grows downstream and *y* to the left.
+
+# %%
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from rampcast.evaluate import evaluate, scene_tracks
+from rampcast.forecast import LstmSpec, Mode, TrainingSpec, fit_forecaster, load, save
+from rampcast.formats import read_any
+from rampcast.recording import clean
+from rampcast.report import plot_forecast
+from rampcast.scenes import build_scenes
+from rampcast.simulate import shipped_sample
+
+pl.Config(tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True, tbl_rows=16, tbl_cols=12)
+out = Path("out/tutorial")
+out.mkdir(parents=True, exist_ok=True)
+
+raw, report = read_any(shipped_sample())
+print(f"{raw.site.title}: {report.rows:,} rows of the windows {', '.join(raw.names)}")
+print(raw.tracks.select("recording", "vehicle", "frame", "x", "y", "lane", "length", "kind").head(3))
+
+# %% [markdown]
+# A recording is one polars table and the *site* it was made at. The site knows the lanes, where the ramp begins and ends, and the
+# line that a merging vehicle crosses; a site of your own is [one text file](formats.md#a-site-of-your-own).
+
+# %%
+site = raw.site
+print(f"ramp lane {site.ramp_lanes}, target lane {site.target_lane}, gore {site.gore} m, ramp end {site.ramp_end} m")
+
+# %% [markdown]
+# ## 2. Smooth
+#
+# `clean` fills skipped frames, smooths the positions, derives velocities and accelerations from them, and keeps a row every
+# 0.2 s. Its second result tells what that changed. (A real NGSIM recording changes far more than this simulated one.)
+
+# %%
+smoothed, changes = clean(raw)
+print(f"{changes.filled_rows} rows filled in, x moved by {changes.mean_shift_x:.3f} m on average")
+print(f"|a| > 8 m/s^2 in {changes.impossible_before:.2%} of the rows before and {changes.impossible_after:.2%} after")
+
+# %% [markdown]
+# ## 3. Scenes
+#
+# A *scene* is a question: a vehicle on the ramp at some moment `t0`, the last 4 s of it and of its six neighbours, and, for
+# scoring, the next 15 s. Here a scene is made for every on-ramp vehicle at every fifth second. Where no vehicle fills a slot it is marked
+# *virtual*; where the truth was not seen, `future_valid` is False.
+
+# %%
+training, test = smoothed.window("simulated-1"), smoothed.window("simulated-2")
+scenes = build_scenes(test, every=5.0)
+seen = scenes.future_valid[:, 0].all(axis=1)  # slot 0 is the central vehicle
+print(f"{len(scenes)} scenes; the next 15 s were seen in {seen.sum()} of them")
+print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.future.shape}")
+
+# %% [markdown]
+# ## 4. Fit
+#
+# A forecaster is two LSTMs that predict the neighbours (ramp lane, target lane) and 32 random forests that classify lane changes.
+# The car-following laws are fitted later, to each vehicle's own 4 s. `Mode.PAPER` is the paper as printed, made computable;
+# `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata). The spec below trains for seconds;
+# `TrainingSpec()` is the full training.
+
+# %%
+quick = TrainingSpec(lstm=LstmSpec(epochs=2, batch=256), window_stride=20, anchor_spacing=1.0, trees=30)
+forecaster = fit_forecaster(training, mode=Mode.CORRECTED, spec=quick)
+print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {forecaster.target.losses[-1]:.4f}")
+
+# %% [markdown]
+# ## 5. Predict
+#
+# `predict` never sees the future: it is taken out of the scenes before any model gets them. The result holds a position for
+# every model at every 0.2 s, and the probability of a lane change *within* and *at* each second.
+
+# %%
+forecast = forecaster.predict(scenes)
+print(forecast.position_table().filter(pl.col("model") == "idm").head(3))
+print(forecast.lane_change_table().head(4))
+
+# %% [markdown]
+# ## 6. Look at one
+#
+# The first scene whose next 15 s were seen. Grey is the past; black is what the vehicle did; the coloured lines are what was
+# forecast at t = 0. With a training this short, the probabilities below are coarse.
+
+# %%
+number = int(np.flatnonzero(seen)[0])
+vehicle, t0 = int(forecast.vehicle[number]), float(forecast.t0[number])
+probability = forecast.lane_change_table().filter(pl.col("vehicle") == vehicle, (pl.col("t0") - t0).abs() < 0.1)
+picture = plot_forecast(
+    scene_tracks(number, scenes, forecast),
+    lane_change=probability,
+    ramp_end=site.ramp_end,
+    title=f"simulated vehicle {vehicle}, t0 = {t0:.1f} s",
+)
+picture.savefig(out / "forecast.png", dpi=130)
+
+# %% [markdown]
+# ![One forecast: a simulated vehicle, its neighbours, four forecasts, and the probability of a lane change](images/tutorial_forecast.png)
+#
+# ## 7. Evaluate
+#
+# `evaluate` refuses windows that were trained on. It gives tidy tables: one row for each model and second ahead, with `n`, the
+# number of forecasts whose truth was seen. Always read the two baselines first: a model that does not beat *constant velocity*
+# has learnt nothing that matters, and *constant_speed_leader* is IDM behind neighbours that simply keep their speed.
+
+# %%
+result = evaluate(forecaster, test, every=5.0)
+central = result.tables["longitudinal"].filter(pl.col("group") == "central")
+at_5_s = central.filter(pl.col("horizon") == 5.0).select("model", "n", "within_5", "within_10", "mean_error", "bias")
+print(at_5_s.with_columns(pl.col(pl.Float64).round(2)))
+print(", ".join(result.tables))
+
+# %% [markdown]
+# ## 8. Save and load
+#
+# A model folder holds plain data (no pickled code), the training data's hash and the versions it was made with. `load` refuses a folder of
+# another version of rampcast.
+
+# %%
+save(forecaster, out / "model")
+again = load(out / "model").predict(scenes)
+print("same forecast after loading:", np.array_equal(again.x["ghr"], forecast.x["ghr"]))
+
+# %% [markdown]
+# ## Your own data
+#
+# Replace the first step, and leave the training at its defaults:
+#
+# ```text
+# raw, report = read_any(["trajectories-0400-0415.txt", "trajectories-0500-0515.txt", "trajectories-0515-0530.txt"])
+# training = concatenate([smoothed.window("i80-1"), smoothed.window("i80-3")])   # from rampcast.recording
+# forecaster = fit_forecaster(training, mode=Mode.CORRECTED)
+# result = evaluate(forecaster, smoothed.window("i80-2"))
+# ```
+#
+# Next: [reproduce the paper with the original files](reproducing.md), or [choose a model](choosing_a_model.md).

@@ -1,0 +1,148 @@
+"""Saves a forecaster as a folder of plain data, and loads it: no pickle, so opening a folder runs no code of it."""
+
+import json
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from rampcast import __version__
+from rampcast.errors import ModelError, SiteError
+from rampcast.forecast.forecaster import LANES, Forecaster, TrainingSpec
+from rampcast.models.forests import LaneChangeForests
+from rampcast.models.lstm import LstmSpec, NeighbourLstm, Network
+from rampcast.physics.mode import Mode
+from rampcast.recording.files import write_whole, write_whole_folder
+from rampcast.recording.sites import site_from_dict, site_to_dict
+
+FOLDER_VERSION = 1
+LIBRARIES = ("jax", "equinox", "scikit-learn", "numpy", "polars")
+DESCRIPTION, FORESTS, NETWORK = "model.json", "forests.npz", "network.eqx"
+
+
+def save(forecaster: Forecaster, folder: Path) -> None:
+    """Writes a model folder, whole or not at all: model.json, forests.npz, and a folder for each neighbour model."""
+    description = {
+        "versions": versions(),
+        "site": site_to_dict(forecaster.site),
+        "training": asdict(forecaster.training),
+        "trained_on": forecaster.trained_on,
+        "data_hash": forecaster.data_hash,
+    }
+    with write_whole_folder(folder) as partial:
+        _describe(partial, mode=forecaster.mode, values=description)
+        for lane in LANES:
+            save_lstm(getattr(forecaster, lane), partial / lane)
+        save_forests(forecaster.forests, partial / FORESTS)
+
+
+def load(folder: Path) -> Forecaster:
+    """Returns the forecaster that `save` wrote to the folder.
+
+    Raises:
+        ModelError: the folder is missing, damaged, or made by another version of rampcast.
+    """
+    folder = Path(folder)
+    values = _description(folder)
+    with _damage_told(folder):
+        training = dict(values["training"])
+        return Forecaster(
+            mode=Mode(values["mode"]),
+            site=site_from_dict(values["site"]),
+            ramp=load_lstm(folder / "ramp"),
+            target=load_lstm(folder / "target"),
+            forests=load_forests(folder / FORESTS),
+            training=TrainingSpec(lstm=LstmSpec(**training.pop("lstm")), **training),
+            trained_on=tuple(values["trained_on"]),
+            data_hash=str(values["data_hash"]),
+        )
+
+
+def save_lstm(lstm: NeighbourLstm, folder: Path) -> None:
+    """Writes a neighbour model as a folder, whole or not at all."""
+    values = {"spec": asdict(lstm.spec), "scale": lstm.scale.tolist(), "losses": lstm.losses.tolist()}
+    with write_whole_folder(folder) as partial:
+        _describe(partial, mode=lstm.mode, values=values)
+        eqx.tree_serialise_leaves(partial / NETWORK, lstm.network)
+
+
+def load_lstm(folder: Path) -> NeighbourLstm:
+    """Returns the neighbour model that `save_lstm` wrote.
+
+    Raises:
+        ModelError: as for `load`.
+    """
+    values = _description(folder)
+    with _damage_told(folder):
+        spec = LstmSpec(**values["spec"])
+        blank = Network(spec.units, key=jax.random.key(0))
+        return NeighbourLstm(
+            spec=spec,
+            mode=Mode(values["mode"]),
+            network=eqx.tree_deserialise_leaves(folder / NETWORK, blank),
+            scale=np.array(values["scale"], dtype=float),
+            losses=np.array(values["losses"], dtype=float),
+        )
+
+
+def save_forests(forests: LaneChangeForests, path: Path) -> None:
+    """Writes lane-change forests as arrays (npz), whole or not at all."""
+    with write_whole(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **forests.to_arrays())
+
+
+def load_forests(path: Path) -> LaneChangeForests:
+    """Returns the forests that `save_forests` wrote.
+
+    Raises:
+        ModelError: the file is missing or damaged.
+    """
+    with _damage_told(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        return LaneChangeForests.from_arrays(dict(arrays))
+
+
+def versions() -> dict[str, str]:
+    """Returns the versions of Python and of the libraries that a result depends on."""
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+
+
+def _describe(folder: Path, *, mode: Mode, values: dict[str, Any]) -> None:
+    head = {"folder_version": FOLDER_VERSION, "rampcast": __version__, "mode": mode.value}
+    (folder / DESCRIPTION).write_text(json.dumps(head | values, indent=2), encoding="utf-8")
+
+
+def _description(folder: Path) -> dict[str, Any]:
+    path = folder / DESCRIPTION
+    if not path.is_file():
+        raise ModelError(
+            f"{folder}: no model folder (it has no {DESCRIPTION}); make one with "
+            "`rampcast train recording.parquet --out model`"
+        )
+    with _damage_told(folder):
+        values = dict(json.loads(path.read_text(encoding="utf-8")))
+    if values.get("rampcast") != __version__ or values.get("folder_version") != FOLDER_VERSION:
+        other = values.get("rampcast", "an unknown version")
+        raise ModelError(
+            f"{folder}: made by rampcast {other}, this is rampcast {__version__}; train the model again, or install "
+            f"rampcast {other}"
+        )
+    return values
+
+
+@contextmanager
+def _damage_told(path: Path) -> Iterator[None]:
+    """Turns whatever a damaged file makes the libraries raise into one error that names the place."""
+    try:
+        yield
+    except ModelError:
+        raise
+    except (KeyError, TypeError, ValueError, OSError, EOFError, RuntimeError, BadZipFile, SiteError) as error:
+        raise ModelError(f"{path}: the model is damaged ({error}); train it again") from error

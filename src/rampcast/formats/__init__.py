@@ -1,0 +1,7 @@
+"""Formats: files of others to `Recording`. Units, axes and reference points are converted here and nowhere else."""
+
+from rampcast.formats.ngsim import read_ngsim
+from rampcast.formats.report import BadRow, BadRows, ReadReport
+from rampcast.formats.table import FORMATS, Format, read_any
+
+__all__ = ["FORMATS", "BadRow", "BadRows", "Format", "ReadReport", "read_any", "read_ngsim"]

@@ -1,0 +1,89 @@
+"""Files as streams of bytes: plain, or the one data file inside a .gz or .zip, told by content and not by name."""
+
+import gzip
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BufferedIOBase
+from pathlib import Path, PurePosixPath
+from typing import cast
+
+from rampcast.errors import FormatError
+
+CHUNK = 8 << 20  # [bytes] measured: larger chunks are no faster and cost memory
+LONGEST_LINE = 64 << 10  # [bytes] a row of NGSIM has some 200
+GZIP_MAGIC = b"\x1f\x8b"
+ZIP_MAGIC = b"PK"
+DATA_SUFFIXES = (".txt", ".csv")
+DAMAGED = (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, NotImplementedError)
+
+
+@contextmanager
+def open_source(path: Path) -> Iterator[tuple[str, BufferedIOBase]]:
+    """Gives the name to use in messages and the stream of the uncompressed bytes.
+
+    Raises:
+        FormatError: the file is not there, or its archive is damaged or does not hold exactly one data file.
+    """
+    if not path.is_file():
+        what = "this is a folder; name the files in it" if path.is_dir() else "there is no such file"
+        raise FormatError(f"{path}: {what}")
+    with path.open("rb") as raw:
+        magic = raw.read(2)
+        raw.seek(0)
+        if magic == GZIP_MAGIC:
+            with gzip.open(raw, "rb") as stream:
+                yield str(path), stream
+        elif magic == ZIP_MAGIC:
+            yield from _zip_member(path, raw)
+        else:
+            yield str(path), raw
+
+
+def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iterator[bytes]:
+    """Yields the stream in chunks of about `size` bytes, each of whole lines.
+
+    Raises:
+        FormatError: the archive is damaged.
+    """
+    while True:
+        try:
+            chunk = stream.read(size) + stream.readline(LONGEST_LINE)
+        except DAMAGED as error:
+            raise FormatError(f"{name}: the archive is damaged or cut off ({error}); get the file again") from error
+        if not chunk:
+            return
+        if len(chunk) > size + LONGEST_LINE - 1:
+            raise FormatError(
+                f"{name}: more than {LONGEST_LINE:,} bytes without a line end; expected a text file with one row per "
+                "line. Is this a binary file?"
+            )
+        yield chunk
+
+
+def _zip_member(path: Path, raw: BufferedIOBase) -> Iterator[tuple[str, BufferedIOBase]]:
+    try:
+        archive = zipfile.ZipFile(raw)
+    except DAMAGED as error:
+        raise FormatError(f"{path}: a damaged zip archive ({error}); get the file again") from error
+    with archive:
+        names = [name for name in archive.namelist() if _is_data(name)]
+        if len(names) != 1:
+            found = "none" if not names else f"{len(names)}: {', '.join(names[:5])}"
+            raise FormatError(
+                f"{path}: expected one .txt or .csv file in the archive, found {found}. "
+                "Unpack it and name the files to read"
+            )
+        try:
+            stream = archive.open(names[0])
+        except DAMAGED as error:
+            raise FormatError(f"{path}: {names[0]} cannot be unpacked ({error})") from error
+        with stream:
+            yield f"{path}: {names[0]}", cast(BufferedIOBase, stream)
+
+
+def _is_data(name: str) -> bool:
+    path = PurePosixPath(name)
+    hidden = path.name.startswith(".") or "__MACOSX" in path.parts  # what macOS adds to archives
+    return path.suffix.lower() in DATA_SUFFIXES and not hidden

@@ -1,0 +1,277 @@
+"""The paper's whole protocol: train on windows 1 and 3, test on window 2, in both modes, and report.
+
+Every finished part is kept under the output folder with a fingerprint of what went into it; a second run takes up where
+the first was interrupted, and a part whose inputs have changed is made again.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+import polars as pl
+
+from rampcast import __version__
+from rampcast.errors import RecordingError
+from rampcast.evaluate.protocol import Evaluation, evaluate, run_counts
+from rampcast.forecast.forecaster import (
+    LANES,
+    Forecaster,
+    Progress,
+    TrainingSpec,
+    assemble,
+    fit_lane_changes,
+    fit_neighbours,
+    recording_hash,
+)
+from rampcast.forecast.storage import load_forests, load_lstm, save, save_forests, save_lstm, versions
+from rampcast.formats import read_any
+from rampcast.models.lstm import LstmSpec
+from rampcast.physics.laws import LAWS
+from rampcast.physics.mode import Mode
+from rampcast.recording import Recording, Site, clean, concatenate, read_recording, write_recording
+from rampcast.recording.files import write_table, write_whole
+from rampcast.report.report import write_report
+
+TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
+DEMO_TRAINING = TrainingSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=10, anchor_spacing=1.0)
+SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
+FINGERPRINTS = "fingerprints"
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How the protocol is run.
+
+    Attributes:
+        training: how both forecasters are trained.
+        every: corrected mode: time between the anchors that are scored [s].
+        modes: the readings of the paper, side by side in the report.
+        command: what the user called, for the run record.
+    """
+
+    training: TrainingSpec
+    every: float = 1.0
+    modes: tuple[Mode, ...] = tuple(Mode)
+    command: str = "rampcast.reproduce.reproduce"
+
+
+def reproduce(
+    files: Sequence[Path],
+    out: Path,
+    *,
+    protocol: Protocol,
+    site: Site | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Runs the protocol and writes models, tables, figures and report.html to a folder; returns the report's path.
+
+    Args:
+        files: the three windows of one site, in any form that rampcast reads; other sites' rows are left out.
+        out: the folder; what an earlier run finished there is taken over.
+        protocol: how to train and score.
+        site: the geometry; None tells it by the files' content.
+        progress: called as (what, done, total).
+
+    Raises:
+        RecordingError: a window is missing.
+    """
+    out, tell = Path(out), progress or _silent
+    started = time.perf_counter()
+    recording = _smoothed(files, out, site, tell)
+    training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
+    test = _window(recording, TEST_WINDOW)
+    results: dict[Mode, Evaluation] = {}
+    forecasters: list[Forecaster] = []
+    for mode in protocol.modes:
+        forecaster = _trained(training, out / "models" / mode, mode, protocol.training, tell)
+        forecasters.append(forecaster)
+        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
+        results[mode] = evaluate(forecaster, test, every=protocol.every, seed=protocol.training.seed)
+        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
+    tables = {
+        name: pl.concat([result.tables[name] for result in results.values()])
+        for name in next(iter(results.values())).tables
+    }
+    counts = {
+        f"{mode} mode: {name}": n
+        for mode, result in results.items()
+        for name, n in run_counts(test, result.scenes).items()
+    }
+    run = _run_record(
+        forecasters,
+        test,
+        counts,
+        command=protocol.command,
+        every=protocol.every,
+        seconds=time.perf_counter() - started,
+    )
+    tell("report", 0, 1)
+    page = _written(tables, run, recording.site, out)
+    tell("report", 1, 1)
+    return page
+
+
+def find_files(folder: Path) -> list[Path]:
+    """Returns the files in a folder (and those below it) that may be recordings.
+
+    Raises:
+        RecordingError: the folder is not there or holds none.
+    """
+    if not Path(folder).is_dir():
+        raise RecordingError(f"{folder}: there is no such folder; give the folder that holds the NGSIM files")
+    found = sorted(path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
+    if not found:
+        raise RecordingError(
+            f"{folder}: no file ends in {', '.join(SUFFIXES)}; put the three I-80 windows there (see "
+            "docs/reproducing.md for where to get them)"
+        )
+    return found
+
+
+def paper_values() -> dict[str, Any]:
+    """Returns what the paper prints, by law and parameter: mean, median, standard deviation."""
+    return {"parameters": {key: {entry.name: entry._asdict() for entry in law.published} for key, law in LAWS.items()}}
+
+
+def score(
+    forecaster: Forecaster, recording: Recording, out: Path, *, every: float, seed: int, command: str
+) -> tuple[Evaluation, Path]:
+    """Scores a forecaster on a smoothed recording; writes tables, figures and report.html; returns scores and page."""
+    started = time.perf_counter()
+    result = evaluate(forecaster, recording, every=every, seed=seed)
+    run = _run_record(
+        [forecaster],
+        recording,
+        run_counts(recording, result.scenes),
+        command=command,
+        every=every,
+        seconds=time.perf_counter() - started,
+    )
+    return result, _written(result.tables, run, forecaster.site, out)
+
+
+def _smoothed(files: Sequence[Path], out: Path, site: Site | None, tell: Progress) -> Recording:
+    stamps = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in map(Path, files)]
+    path = out / "recording.parquet"
+
+    def make() -> Recording:
+        tell("read and smooth the recordings", 0, 1)
+        recording, report = read_any(files, site=site)
+        smoothed, cleaning = clean(recording)
+        with write_whole(out / "reading.json") as partial:
+            partial.write_text(json.dumps({"read": report.to_dict(), "cleaned": asdict(cleaning)}, indent=2))
+        return smoothed
+
+    recording = _kept(out, "recording", stamps, path, make, write_recording, read_recording)
+    tell("read and smooth the recordings", 1, 1)
+    return recording
+
+
+def _window(recording: Recording, number: str) -> Recording:
+    name = f"{recording.site.name}-{number}"
+    if name not in recording.names:
+        raise RecordingError(
+            f"window {number} of site '{recording.site.name}' is missing: the protocol trains on windows "
+            f"{' and '.join(TRAINING_WINDOWS)} and tests on window {TEST_WINDOW}, and the files hold "
+            f"{', '.join(recording.names)}. Put all three windows into the folder"
+        )
+    return recording.window(name)
+
+
+def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec, tell: Progress) -> Forecaster:
+    inputs = {"data": recording_hash(recording), "mode": mode, "spec": asdict(spec)}
+    parts = folder.with_name(f"{folder.name}-parts")
+    lstms = {
+        lane: _kept(
+            parts,
+            lane,
+            inputs,
+            parts / lane,
+            lambda lane=lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=tell),  # type: ignore[misc]
+            lambda lstm, path: save_lstm(lstm, path),
+            load_lstm,
+        )
+        for lane in LANES
+    }
+    forests = _kept(
+        parts,
+        "forests",
+        inputs,
+        parts / "forests.npz",
+        lambda: fit_lane_changes(recording, mode=mode, spec=spec, progress=tell),
+        save_forests,
+        load_forests,
+    )
+    forecaster = assemble(recording, mode=mode, spec=spec, **lstms, forests=forests)
+    save(forecaster, folder)
+    return forecaster
+
+
+def _kept(
+    folder: Path,
+    name: str,
+    inputs: object,
+    path: Path,
+    make: Callable[[], T],
+    write: Callable[[T, Path], None],
+    read: Callable[[Path], T],
+) -> T:
+    """Returns what an earlier run left at `path` if it was made from the same inputs, else makes it and keeps it."""
+    text = json.dumps([__version__, inputs], default=str, sort_keys=True)
+    fingerprint = hashlib.sha256(text.encode()).hexdigest()
+    mark = folder / FINGERPRINTS / name
+    if path.exists() and mark.is_file() and mark.read_text() == fingerprint:
+        return read(path)
+    mark.unlink(missing_ok=True)
+    made = make()
+    write(made, path)
+    with write_whole(mark) as partial:
+        partial.write_text(fingerprint)
+    return made
+
+
+def _run_record(
+    forecasters: Sequence[Forecaster],
+    test: Recording,
+    counts: dict[str, int],
+    *,
+    command: str,
+    every: float,
+    seconds: float,
+) -> dict[str, Any]:
+    first = forecasters[0]
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command,
+        "seed": first.training.seed,
+        "data_hash": first.data_hash,
+        "test_data_hash": recording_hash(test),
+        "source": test.source,
+        "versions": {"rampcast": __version__} | versions(),
+        "trained_on": list(first.trained_on),
+        "tested_on": test.names,
+        "training": asdict(first.training),
+        "every": every,
+        "counts": counts,
+        "timings": {"this run [s]": round(seconds, 1)},
+    }
+
+
+def _written(tables: dict[str, pl.DataFrame], run: dict[str, Any], site: Site, out: Path) -> Path:
+    """Writes the tidy tables, the run record and the report; returns the report's path."""
+    for name, table in tables.items():
+        write_table(table, out / "tables" / name, csv=True)
+    with write_whole(out / "run.json") as partial:
+        partial.write_text(json.dumps(run, indent=2), encoding="utf-8")
+    return write_report(tables, site=site, run=run, paper=paper_values(), out=out)
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Tells nobody."""

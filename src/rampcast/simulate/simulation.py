@@ -1,0 +1,157 @@
+"""A simulated recording of a site: SUMO drives, rampcast reads what it did."""
+
+import tempfile
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float
+
+from rampcast.errors import RecordingError
+from rampcast.recording import Recording, Site
+from rampcast.recording import columns as c
+from rampcast.simulate.demand import draw_vehicles, write_sign, write_vehicles
+from rampcast.simulate.lateral import lateral_path
+from rampcast.simulate.network import Road, main_lanes, ramp_roads, roads, write_network
+from rampcast.simulate.noise import add_position_noise
+from rampcast.simulate.programs import Progress, program, run_with_progress
+
+TIME_STEP = 0.1  # [s] NGSIM's 10 Hz; SUMO steps at the same rate, nothing is interpolated
+SETTLE = 10.0  # [s] simulated before and after the recording, so that lane changes at its edges are whole
+RAMP_SLOPE = 0.04  # [m/m] by which the ramp nears the main road before the gore: 28.6 to 24.0 m from the left on I-80
+FLOW_PER_LANE = 1900.0  # [vehicles/h]
+RAMP_FLOW = 600.0  # [vehicles/h]
+SHARES = (0.015, 0.945, 0.04)  # motorcycles, cars, trucks; about those of NGSIM's I-80
+SIGN_SPEEDS = (5.0, 16.0)  # [m/s]
+WARM_UP = 240.0  # [s]
+
+
+def simulate(
+    site: Site,
+    *,
+    minutes: float,
+    seed: int,
+    window: str = "1",
+    flow_per_lane: float = FLOW_PER_LANE,
+    ramp_flow: float = RAMP_FLOW,
+    shares: tuple[float, float, float] = SHARES,
+    sign_speeds: tuple[float, float] = SIGN_SPEEDS,
+    warm_up: float = WARM_UP,
+    position_noise: float = 0.0,
+    progress: Progress | None = None,
+) -> Recording:
+    """Returns a simulated recording of all lanes of a site, 10 Hz, congested, with waves that travel upstream.
+
+    The same arguments give the same recording with the same release of SUMO, and a shorter one begins a longer one.
+
+    Args:
+        site: the geometry. Of its lanes the main ones and the ramp are simulated; exits are not.
+        minutes: recorded time [min].
+        seed: of every draw.
+        window: name of the window; the recording is called "<site>-<window>".
+        flow_per_lane: vehicles that want to enter each main lane [vehicles/h]; what the sign holds back makes a queue.
+        ramp_flow: vehicles that want to enter from the ramp [vehicles/h].
+        shares: of motorcycles, cars and trucks; they sum to 1.
+        sign_speeds: lowest and highest speed that the variable speed sign downstream draws [m/s].
+        warm_up: simulated time before the recording begins [s].
+        position_noise: standard deviation of noise added to the positions [m], see `add_position_noise`.
+        progress: called with the share done, 0 to 1.
+
+    Raises:
+        MissingExtra: SUMO is not installed.
+        SiteError: the site's target lane is not its rightmost main lane.
+        RecordingError: an argument has no meaning.
+    """
+    if minutes <= 0 or warm_up < SETTLE:
+        raise RecordingError(f"expected minutes > 0 and warm_up >= {SETTLE} s, got {minutes} and {warm_up}")
+    duration = warm_up + 60 * minutes + SETTLE
+    with tempfile.TemporaryDirectory(prefix="rampcast-") as name:
+        folder = Path(name)
+        network = write_network(site, folder)
+        lanes = len(main_lanes(site))
+        draw = partial(draw_vehicles, duration=duration, shares=shares, seed=seed)
+        main = draw(route="main", lanes=lanes, flow=flow_per_lane * lanes)
+        ramp = draw(route="ramp", lanes=1, flow=ramp_flow)
+        vehicles = pl.concat([main, ramp]).sort("depart", maintain_order=True)
+        write_vehicles(vehicles, main=roads(site), ramp=ramp_roads(site), path=folder / "vehicles.xml")
+        sign = next(road for road in roads(site) if road.name == "slow")
+        write_sign(folder / "sign.xml", road=sign, speeds=sign_speeds, warm_up=warm_up, duration=duration, seed=seed)
+        positions = _drive(folder, network, begin=warm_up - SETTLE, end=duration, seed=seed, progress=progress)
+    tracks = _tracks(positions, vehicles, site=site, seed=seed, begin=warm_up, frames=round(600 * minutes))
+    tracks = (
+        tracks.with_columns(pl.lit(f"{site.name}-{window}").alias(c.RECORDING))
+        .select(list(c.SCHEMA))
+        .cast(pl.Schema(c.SCHEMA))
+    )
+    recording = Recording(tracks=tracks, site=site, time_step=TIME_STEP, source="simulated")
+    return add_position_noise(recording, standard_deviation=position_noise, seed=seed)
+
+
+def _drive(
+    folder: Path, network: Path, *, begin: float, end: float, seed: int, progress: Progress | None
+) -> pl.DataFrame:
+    """Returns SUMO's record of every vehicle near the section: time [s], id, lane (SUMO's) and pos (along it) [m]."""
+    watched = ["before", "merge", "after", "ramp"]
+    (folder / "watched.txt").write_text("\n".join(f"edge:{name}" for name in watched), encoding="utf-8")
+    record = folder / "record.csv"
+    command = [program("sumo"), "-n", network, "-r", folder / "vehicles.xml", "-a", folder / "sign.xml"]
+    command += ["--seed", seed, "--step-length", TIME_STEP, "--end", end, "--step-log.period", round(10 / TIME_STEP)]
+    command += ["--fcd-output", record, "--fcd-output.filter-edges.input-file", folder / "watched.txt"]
+    command += ["--fcd-output.attributes", "id,lane,pos", "--device.fcd.begin", begin, "--precision", 3]
+    # Vehicles are never removed for standing long; those that find no room to enter for half a minute are dropped.
+    command += ["--time-to-teleport", -1, "--collision.action", "warn", "--max-depart-delay", 30]
+    command += ["--xml-validation", "never", "--no-warnings", "true"]
+    run_with_progress(command, end=end, progress=progress)
+    table = pl.read_csv(record, separator=";", schema_overrides={"vehicle_id": pl.Int32, "timestep_time": pl.Float64})
+    table = table.rename({name: name.removeprefix("vehicle_").removeprefix("timestep_") for name in table.columns})
+    return table.drop_nulls("id")
+
+
+def _tracks(
+    positions: pl.DataFrame, vehicles: pl.DataFrame, *, site: Site, seed: int, begin: float, frames: int
+) -> pl.DataFrame:
+    """Returns the rows inside the section and the recorded time, with vehicles numbered from 1 as they appear."""
+    watched = [*roads(site)[1:4], ramp_roads(site)[1]]
+    rows = _numbered_lanes(positions, site, watched).with_columns(
+        ((pl.col("time") - begin) / TIME_STEP).round().cast(pl.Int32).alias(c.FRAME)
+    )
+    rows = rows.sort("id", c.FRAME).with_columns(pl.Series(c.Y, _lateral(rows.sort("id", c.FRAME), site, seed)))
+    inside = rows.filter(pl.col(c.FRAME).is_between(0, frames - 1), pl.col(c.X).is_between(0, site.length))
+    first = inside.sort(c.FRAME, c.X, descending=[False, True]).unique("id", keep="first", maintain_order=True)
+    numbers = first.select("id").with_row_index(c.VEHICLE, offset=1)
+    bodies = vehicles.select(c.LENGTH, c.WIDTH, c.KIND).with_row_index("id").with_columns(pl.col("id").cast(pl.Int32))
+    return inside.join(numbers, on="id").join(bodies, on="id").sort(c.VEHICLE, c.FRAME)
+
+
+def _numbered_lanes(positions: pl.DataFrame, site: Site, watched: list[Road]) -> pl.DataFrame:
+    """Returns the positions with x and the site's lane numbers; SUMO counts lanes of an edge from the right, from 0."""
+    places = []
+    mains = main_lanes(site)
+    for road in watched:
+        # A site with two ramp lanes (US-101) numbers the ramp before the gore last and the auxiliary lane first.
+        numbers = {"ramp": [site.ramp_lanes[-1]], "merge": [*mains, site.ramp_lanes[0]]}.get(road.name, mains)
+        places += [(f"{road.name}_{k}", number, road.start) for k, number in enumerate(reversed(numbers))]
+    table = pl.DataFrame(places, schema={"lane": pl.String, "number": pl.Int16, "start": pl.Float64}, orient="row")
+    joined = positions.join(table, on="lane")
+    return joined.select("id", "time", pl.col("number").alias(c.LANE), (pl.col("pos") + pl.col("start")).alias(c.X))
+
+
+def _lateral(rows: pl.DataFrame, site: Site, seed: int) -> Float[np.ndarray, "row"]:
+    """Returns the lateral position of every row [m]; rows are sorted by vehicle and time."""
+    centres = {lane.number: lane.centre for lane in site.lanes}
+    x, lane = rows[c.X].to_numpy(), rows[c.LANE].to_numpy()
+    centre = np.array([centres.get(number, np.nan) for number in range(max(centres) + 1)])[lane]
+    on_ramp = np.isin(lane, site.ramp_lanes)
+    centre = centre - on_ramp * RAMP_SLOPE * np.maximum(0.0, site.gore - x)
+    ids = rows["id"].to_numpy()
+    edges = [0, *(np.flatnonzero(np.diff(ids)) + 1).tolist(), len(ids)]
+    y = np.empty(len(x))
+    for start, stop in pairwise(edges):
+        part = slice(start, stop)
+        stream = np.random.default_rng([seed, 3, int(ids[start])])
+        y[part] = lateral_path(
+            x[part], centre[part], lane=lane[part], lane_centres=centres, time_step=TIME_STEP, stream=stream
+        )
+    return y

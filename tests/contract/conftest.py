@@ -1,0 +1,37 @@
+"""Two small forecasters, one of each mode, and scenes that they have not seen."""
+
+import pytest
+
+from rampcast.forecast.forecaster import Forecaster, TrainingSpec, fit_forecaster
+from rampcast.models.lstm import LstmSpec
+from rampcast.physics.mode import Mode
+from rampcast.recording import clean, concatenate
+from rampcast.scenes import Scenes, build_scenes
+from tests.traffic import random_traffic
+
+SMALL = TrainingSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=7, anchor_spacing=1.0, trees=4)
+
+
+@pytest.fixture(scope="package")
+def training():
+    windows = [clean(random_traffic(seed, vehicles=40, name=f"i80-{seed}"))[0] for seed in (1, 3)]
+    return concatenate(windows)
+
+
+@pytest.fixture(scope="package")
+def fit(training):
+    def fitted(mode: Mode, seed: int = 1) -> Forecaster:
+        spec = TrainingSpec(lstm=SMALL.lstm, window_stride=7, anchor_spacing=1.0, trees=4, seed=seed)
+        return fit_forecaster(training, mode=mode, spec=spec)
+
+    return fitted
+
+
+@pytest.fixture(scope="package", params=list(Mode), ids=lambda mode: mode.value)
+def forecaster(request, fit) -> Forecaster:
+    return fit(request.param)
+
+
+@pytest.fixture(scope="package")
+def scenes() -> Scenes:
+    return build_scenes(clean(random_traffic(2, vehicles=60, name="i80-2"))[0], every=2.0)

@@ -1,0 +1,113 @@
+"""Recordings, their files, and sites."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from rampcast.errors import RecordingError, SiteError
+from rampcast.recording import concatenate, load_site, read_recording, site_names, write_recording
+from rampcast.recording.files import write_whole, write_whole_folder
+from rampcast.recording.sites import SITE_FOLDER, site_from_dict, site_to_dict
+from tests.traffic import random_traffic
+
+
+def test_a_recording_written_and_read_is_the_same(tmp_path):
+    recording = random_traffic(1, vehicles=5)
+    write_recording(recording, tmp_path / "r.parquet")
+    again = read_recording(tmp_path / "r.parquet")
+    assert again.tracks.equals(recording.tracks)
+    assert (again.site, again.time_step, again.source) == (recording.site, recording.time_step, recording.source)
+
+
+def test_windows_are_joined_and_taken_apart():
+    first, second = (random_traffic(n, vehicles=5, name=f"i80-{n}") for n in (1, 2))
+    both = concatenate([second, first])
+    assert both.names == ["i80-1", "i80-2"]
+    assert both.window("i80-2").tracks.equals(second.tracks)
+    with pytest.raises(RecordingError, match="given twice"):
+        concatenate([first, first])
+    with pytest.raises(RecordingError, match="cannot be joined"):
+        concatenate([first, replace(second, time_step=0.2)])
+    with pytest.raises(RecordingError, match="no window 'i80-9'"):
+        both.window("i80-9")
+
+
+def test_other_files_are_refused_with_advice(tmp_path):
+    (tmp_path / "a.parquet").write_bytes(b"no parquet")
+    pl.DataFrame({"a": [1]}).write_parquet(tmp_path / "b.parquet")
+    for name, message in (("a", "not a parquet file"), ("b", "rampcast convert"), ("c", "there is no such file")):
+        with pytest.raises(RecordingError, match=message):
+            read_recording(tmp_path / f"{name}.parquet")
+
+
+@pytest.mark.parametrize("name", site_names())
+def test_every_shipped_site_survives_a_round_trip_and_has_a_ramp_beside_its_target_lane(name):
+    site = load_site(name)
+    assert site_from_dict(site_to_dict(site)) == site
+    target = site.lane_centre(site.target_lane)
+    assert all(site.lane_centre(lane) < target for lane in site.ramp_lanes)  # the ramp comes from the right
+    middle = 0.5 * (site.gore + site.ramp_end)
+    assert site.lane_centre(min(site.ramp_lanes)) < site.lane_line_y(pl.Series([middle]).to_numpy())[0] < target
+    assert site.gore < site.ramp_end <= site.length
+    assert len(site.window_bounds()) == 3
+
+
+def test_i80_was_recorded_when_the_data_set_says_and_the_paper_does_not():
+    bounds = load_site("i80").window_bounds()
+    assert bounds["1"] == (1113433200000, 1113434100000)  # 16:00 to 16:15 on 13 April 2005, UTC - 7 h
+    assert bounds["2"][0] - bounds["1"][1] == 45 * 60 * 1000
+    assert {note.erratum for note in load_site("i80").notes} >= {1, 7}
+
+
+def test_a_user_adds_a_site_without_touching_code(tmp_path):
+    text = (SITE_FOLDER / "i80.toml").read_text().replace('name = "i80"', 'name = "mine"')
+    (tmp_path / "mine.toml").write_text(text)
+    assert load_site(tmp_path / "mine.toml").name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gore = 117.8", "", "gore"),
+        ("gore = 117.8", "gore = 900.0", "expected gore < ramp_end"),
+        ("target_lane = 6", "target_lane = 12", "none of the lanes"),
+        ('role = "ramp"', 'role = "main"', "no lane has the role 'ramp'"),
+        ("America/Los_Angeles", "Moon/Crater", "time zone"),
+        ('name = "i80"', 'name = "i80"\ncolour = "red"', "colour"),
+        ('name = "i80"', "name = ", "not a TOML file"),
+    ],
+)
+def test_a_site_file_with_a_mistake_says_which(tmp_path, old, new, message):
+    path = tmp_path / "broken.toml"
+    path.write_text((SITE_FOLDER / "i80.toml").read_text().replace(old, new))
+    with pytest.raises(SiteError, match=message) as caught:
+        load_site(path)
+    assert str(path) in str(caught.value)
+
+
+def test_an_unknown_site_is_answered_with_those_that_exist():
+    with pytest.raises(SiteError, match=r"Shipped sites: i80, .*us101"):
+        load_site("moon")
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "deep" / "file.txt"
+    with write_whole(path) as partial:
+        partial.write_text("first")
+    with pytest.raises(ZeroDivisionError), write_whole(path) as partial:
+        partial.write_text(str(1 / 0))
+    assert path.read_text() == "first"
+    assert os.listdir(path.parent) == ["file.txt"]
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path):
+    folder = tmp_path / "model"
+    with write_whole_folder(folder) as partial:
+        (partial / "a").write_text("first")
+    with pytest.raises(ZeroDivisionError), write_whole_folder(folder) as partial:
+        (partial / "b").write_text(str(1 / 0))
+    assert [path.name for path in folder.iterdir()] == ["a"]
+    assert os.listdir(tmp_path) == ["model"]
