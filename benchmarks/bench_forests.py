@@ -5,14 +5,11 @@ Reach: one vehicle 20 times faster than scikit-learn's own calls, 10,000 vehicle
 Both ways run in one process on the same trees; scikit-learn with its default of one thread.
 """
 
-import time
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float
 from sklearn.ensemble import RandomForestClassifier
 
+from measure import peak_memory, seconds
 from rampcast.models.forest_arrays import pack
 from rampcast.models.forest_sets import KINDS, TIMES, Anchors, Reading, Sampling, sample_set
 from rampcast.models.forests import SPECS, fit
@@ -41,30 +38,6 @@ def sklearn_forests(anchors: Anchors) -> list[RandomForestClassifier]:
         sample_set(kind, t, anchors, sampling=Sampling.BALANCED, generator=generator) for kind in KINDS for t in TIMES
     ]
     return [RandomForestClassifier(random_state=0).fit(anchors.features[s.rows], s.positive) for s in sets]
-
-
-def seconds(call: Callable[[], object], repeats: int) -> float:
-    """Returns the median time of a call [s], the first one, which compiles, left out."""
-    call()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
-
-
-def peak_memory(call: Callable[[], object]) -> float:
-    """Returns how far a call raises the resident memory of the process at its peak [MB]. Linux only."""
-    Path("/proc/self/clear_refs").write_text("5")  # sets the peak back to the present size
-    before = _status("VmRSS")
-    call()
-    return (_status("VmHWM") - before) / 1024
-
-
-def _status(name: str) -> int:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith(name)).split()[1])
 
 
 def main() -> None:

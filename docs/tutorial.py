@@ -1,15 +1,15 @@
 # %% [markdown]
 # # Tutorial
 #
-# From a recording to a scored forecast, in eight short steps. The code is one script, `docs/tutorial.py`: run it as it is
-# (`python docs/tutorial.py`), or step through it in any editor that knows `# %%` cells. It uses the **simulated** recordings
-# that ship with rampcast, so you need no data, and it trains for seconds only: the numbers show how to read the
-# results, not how well real traffic can be forecast.
+# From a recording to a scored forecast, in eight short steps. The code is one script, `docs/tutorial.py`: run it as
+# it is (`python docs/tutorial.py`), or step through it in any editor that knows `# %%` cells. It uses the
+# **simulated** recordings that ship with rampcast, so you need no data, and it trains for seconds only: the numbers
+# show how to read the results, not how well real traffic can be forecast.
 #
 # ## 1. Read
 #
-# `read_any` tells the format by the content. With NGSIM files only the list of files changes. Inside, everything is in metres
-# and seconds; *x* grows downstream and *y* to the left.
+# `read_any` tells the format by the content. With NGSIM files only the list of files changes. Inside, everything is
+# in metres and seconds; *x* grows downstream and *y* to the left.
 
 # %%
 from pathlib import Path
@@ -34,8 +34,9 @@ print(f"{raw.site.title}: {report.rows:,} rows of the windows {', '.join(raw.nam
 print(raw.tracks.select("recording", "vehicle", "frame", "x", "y", "lane", "length", "kind").head(3))
 
 # %% [markdown]
-# A recording is one polars table and the *site* it was made at. The site knows the lanes, where the ramp begins and ends, and the
-# line that a merging vehicle crosses; a site of your own is [one text file](formats.md#a-site-of-your-own).
+# A recording is one polars table and the *site* it was made at. The site knows the lanes, where the ramp begins and
+# ends, and the line that a merging vehicle crosses; a site of your own is [one text
+# file](formats.md#a-site-of-your-own).
 
 # %%
 site = raw.site
@@ -44,20 +45,21 @@ print(f"ramp lane {site.ramp_lanes}, target lane {site.target_lane}, gore {site.
 # %% [markdown]
 # ## 2. Smooth
 #
-# `clean` fills skipped frames, smooths the positions, derives velocities and accelerations from them, and keeps a row every
-# 0.2 s. Its second result tells what that changed. (A real NGSIM recording changes far more than this simulated one.)
+# `clean` fills skipped frames, smooths the positions, derives velocities and accelerations from them, and keeps a
+# row every 0.2 s. Its second result tells what that changed. (A real NGSIM recording changes far more than this
+# simulated one.)
 
 # %%
 smoothed, changes = clean(raw)
-print(f"{changes.filled_rows} rows filled in, x moved by {changes.mean_shift_x:.3f} m on average")
-print(f"|a| > 8 m/s^2 in {changes.impossible_before:.2%} of the rows before and {changes.impossible_after:.2%} after")
+print(f"{changes.filled_rows} rows filled in, {changes.short_tracks} tracks too short to smooth")
+print(f"x moved by {changes.mean_shift_x:.3f} m on average, by {changes.largest_shift_x:.2f} m at most")
 
 # %% [markdown]
 # ## 3. Scenes
 #
-# A *scene* is a question: a vehicle on the ramp at some moment `t0`, the last 4 s of it and of its six neighbours, and, for
-# scoring, the next 15 s. Here a scene is made for every on-ramp vehicle at every fifth second. Where no vehicle fills a slot it is marked
-# *virtual*; where the truth was not seen, `future_valid` is False.
+# A *scene* is a question: a vehicle on the ramp at some moment `t0`, the last 4 s of it and of its six neighbours,
+# and, for scoring, the next 15 s. Here a scene is made for every on-ramp vehicle at every fifth second. Where no
+# vehicle fills a slot it is marked *virtual*; where the truth was not seen, `future_valid` is False.
 
 # %%
 training, test = smoothed.window("simulated-1"), smoothed.window("simulated-2")
@@ -69,21 +71,22 @@ print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.
 # %% [markdown]
 # ## 4. Fit
 #
-# A forecaster is two LSTMs that predict the neighbours (ramp lane, target lane) and 32 random forests that classify lane changes.
-# The car-following laws are fitted later, to each vehicle's own 4 s. `Mode.PAPER` is the paper as printed, made computable;
-# `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata). The spec below trains for seconds;
-# `TrainingSpec()` is the full training.
+# A forecaster is two LSTMs that predict the neighbours (ramp lane, target lane) and 32 random forests that classify
+# lane changes. The car-following laws are fitted later, to each vehicle's own 4 s. `Mode.PAPER` is the paper as
+# printed, made computable; `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata). The spec below trains
+# for seconds; `TrainingSpec()` is the full training.
 
 # %%
-quick = TrainingSpec(lstm=LstmSpec(epochs=2, batch=256), window_stride=20, anchor_spacing=1.0, trees=30)
+lstm = LstmSpec(units=32, epochs=6, batch=128, learning_rate=5e-3, decay=0.7)
+quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=1.0, trees=20)
 forecaster = fit_forecaster(training, mode=Mode.CORRECTED, spec=quick)
 print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {forecaster.target.losses[-1]:.4f}")
 
 # %% [markdown]
 # ## 5. Predict
 #
-# `predict` never sees the future: it is taken out of the scenes before any model gets them. The result holds a position for
-# every model at every 0.2 s, and the probability of a lane change *within* and *at* each second.
+# `predict` never sees the future: it is taken out of the scenes before any model gets them. The result holds a
+# position for every model at every 0.2 s, and the probability of a lane change *within* and *at* each second.
 
 # %%
 forecast = forecaster.predict(scenes)
@@ -93,11 +96,11 @@ print(forecast.lane_change_table().head(4))
 # %% [markdown]
 # ## 6. Look at one
 #
-# The first scene whose next 15 s were seen. Grey is the past; black is what the vehicle did; the coloured lines are what was
-# forecast at t = 0. With a training this short, the probabilities below are coarse.
+# The first scene whose next 15 s were seen and whose vehicle crosses the lane line later than 3 s from now. Grey is
+# the past, black is what the vehicle did, and the coloured lines are what was forecast at t = 0.
 
 # %%
-number = int(np.flatnonzero(seen)[0])
+number = int(np.flatnonzero(seen & (scenes.change_crossing > 3.0))[0])
 vehicle, t0 = int(forecast.vehicle[number]), float(forecast.t0[number])
 probability = forecast.lane_change_table().filter(pl.col("vehicle") == vehicle, (pl.col("t0") - t0).abs() < 0.1)
 picture = plot_forecast(
@@ -109,13 +112,14 @@ picture = plot_forecast(
 picture.savefig(out / "forecast.png", dpi=130)
 
 # %% [markdown]
-# ![One forecast: a simulated vehicle, its neighbours, four forecasts, and the probability of a lane change](images/tutorial_forecast.png)
+# ![One forecast of a simulated vehicle and what it did](images/tutorial_forecast.png)
 #
 # ## 7. Evaluate
 #
-# `evaluate` refuses windows that were trained on. It gives tidy tables: one row for each model and second ahead, with `n`, the
-# number of forecasts whose truth was seen. Always read the two baselines first: a model that does not beat *constant velocity*
-# has learnt nothing that matters, and *constant_speed_leader* is IDM behind neighbours that simply keep their speed.
+# `evaluate` refuses windows that were trained on. It gives tidy tables: one row for each model and second ahead,
+# with `n`, the number of forecasts whose truth was seen. Always read the two baselines first: a model that does not
+# beat *constant velocity* has learnt nothing that matters, and *constant_speed_leader* is IDM behind neighbours
+# that simply keep their speed.
 
 # %%
 result = evaluate(forecaster, test, every=5.0)
@@ -127,8 +131,8 @@ print(", ".join(result.tables))
 # %% [markdown]
 # ## 8. Save and load
 #
-# A model folder holds plain data (no pickled code), the training data's hash and the versions it was made with. `load` refuses a folder of
-# another version of rampcast.
+# A model folder holds plain data (no pickled code), the training data's hash and the versions it was made with.
+# `load` refuses a folder of another version of rampcast.
 
 # %%
 save(forecaster, out / "model")

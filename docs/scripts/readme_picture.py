@@ -3,7 +3,7 @@
     make demo
     .venv/bin/python docs/scripts/readme_picture.py out/demo/models/corrected
 
-Typical means: of the scenes of simulated window 2 whose vehicle changes lane and is seen for 15 s, the one whose error
+Typical means: of the scenes of simulated window 2 whose vehicle changes lane 1 to 15 s later and is seen for 15 s, the one whose error
 after 15 s is the median.
 """
 
@@ -35,23 +35,26 @@ def main(model_folder: Path) -> None:
     forecast = load(model_folder).predict(scenes)
     number = typical_scene(scenes, forecast)
     vehicle, t0 = int(forecast.vehicle[number]), float(forecast.t0[number])
+    change = scenes.change_crossing[number]
     own = (pl.col("vehicle") == vehicle) & ((pl.col("t0") - t0).abs() < 0.1)
     picture = plot_forecast(
         scene_tracks(number, scenes, forecast),
         lane_change=forecast.lane_change_table().filter(own),
         ramp_end=test.site.ramp_end,
-        title=f"Simulated vehicle {vehicle} on the on-ramp: forecast at t = 0, and what it did",
+        title=f"Simulated vehicle {vehicle} of window 2; it crossed the lane line at t = {change:.1f} s",
     )
     PICTURE.parent.mkdir(exist_ok=True)
     picture.savefig(PICTURE, dpi=DPI)
     error = forecast.x[MODEL][number] - scenes.future[number, CENTRAL, :, X]
-    print(f"{PICTURE}: vehicle {vehicle}, t0 = {t0:.1f} s, changes lane after {scenes.change_crossing[number]:.1f} s;")
+    print(f"{PICTURE}: vehicle {vehicle}, t0 = {t0:.1f} s, changes lane after {change:.1f} s;")
     print(f"{MODEL}: error {error[24]:+.1f} m after 5 s, {error[49]:+.1f} m after 10 s, {error[74]:+.1f} m after 15 s")
 
 
 def typical_scene(scenes: Scenes, forecast: Forecast) -> int:
     """Returns the number of the scene with the median error after 15 s, of those that show a lane change."""
-    eligible = scenes.future_valid[:, CENTRAL].all(axis=1) & (scenes.change_crossing > 1.0)
+    eligible = (
+        scenes.future_valid[:, CENTRAL].all(axis=1) & (scenes.change_crossing > 1.0) & (scenes.change_crossing < 15.0)
+    )
     numbers = np.flatnonzero(eligible)
     error = np.abs(forecast.x[MODEL][numbers, -1] - scenes.future[numbers, CENTRAL, -1, X])
     return int(numbers[np.argsort(error)[len(error) // 2]])

@@ -33,7 +33,9 @@ def main() -> None:
     figure, axes = plt.subplots(2, 1, figsize=(11, 8), sharex=True, sharey=True, layout="constrained")
     target = simulated_lane()
     draw(axes[0], target, "Simulated: window 1, target lane (every vehicle)")
-    lines = draw(axes[1], real_pairs(), "Real: NGSIM I-80, 16:00 to 16:15, vehicles of the car-following pairs, lanes 2 to 6")
+    lines = draw(
+        axes[1], real_pairs(), "Real: NGSIM I-80, 16:00 to 16:15, vehicles of the car-following pairs, lanes 2 to 6"
+    )
     axes[1].set_xlabel("time [s]")
     bar = figure.colorbar(lines, ax=axes, label="speed [m/s]", shrink=0.7)
     bar.ax.minorticks_off()
@@ -52,7 +54,10 @@ def real_pairs() -> pl.DataFrame:
     """Returns vehicle, time [s] and x [m] of leaders and followers of the 16:00 window."""
     folder = Path(os.environ.get("RAMPCAST_DATA", PROJECT.parent / "shared" / "data"))
     pairs = pl.read_parquet(folder / "real" / "i80_pairs_three_windows.parquet").filter(pl.col("window") == 1)
-    both = [pairs.select(pl.col(who).alias("vehicle"), "frame", pl.col(f"x_{who}").alias("x")) for who in ("leader", "follower")]
+    both = [
+        pairs.select(pl.col(who).alias("vehicle"), "frame", pl.col(f"x_{who}").alias("x"))
+        for who in ("leader", "follower")
+    ]
     rows = pl.concat(both).unique(["vehicle", "frame"])
     return rows.select("vehicle", (pl.col("frame") * 0.1).alias("time"), "x")
 

@@ -159,8 +159,11 @@ def reproduce(
 
     command = f"rampcast reproduce --data {data} --out {out} --site {site}"
     protocol = Protocol(training=_training(epochs, batch, stride, seed), every=every, command=command)
+    found = find_files(data)
+    for reason in found.left_out.values():
+        terminal.say(f"left out {reason}")
     with terminal.progress() as tell:
-        page = run(find_files(data), out, protocol=protocol, site=_site(site), progress=tell)
+        page = run(found.files, out, protocol=protocol, site=_site(site), progress=tell)
     terminal.print_scores(out)
     terminal.say(f"wrote {page}")
 

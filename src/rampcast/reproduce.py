@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import polars as pl
 
@@ -19,18 +19,18 @@ from rampcast import __version__
 from rampcast.errors import RecordingError
 from rampcast.evaluate.protocol import Evaluation, evaluate, run_counts
 from rampcast.forecast.forecaster import (
-    LANES,
     Forecaster,
     Progress,
     TrainingSpec,
     assemble,
     fit_lane_changes,
     fit_neighbours,
+    for_each_lane,
     recording_hash,
 )
 from rampcast.forecast.storage import load_forests, load_lstm, save, save_forests, save_lstm, versions
-from rampcast.formats import read_any
-from rampcast.models.lstm import LstmSpec
+from rampcast.formats import read_any, why_not
+from rampcast.models.lstm import LstmSpec, NeighbourLstm
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, Site, clean, concatenate, read_recording, write_recording
@@ -118,21 +118,32 @@ def reproduce(
     return page
 
 
-def find_files(folder: Path) -> list[Path]:
-    """Returns the files in a folder (and those below it) that may be recordings.
+class Found(NamedTuple):
+    """The recordings in a folder, and why each other file of such a name is none."""
+
+    files: list[Path]
+    left_out: dict[Path, str]
+
+
+def find_files(folder: Path) -> Found:
+    """Returns the files in a folder, and below it, that are recordings by their beginning, and those that are not.
 
     Raises:
         RecordingError: the folder is not there or holds none.
     """
     if not Path(folder).is_dir():
         raise RecordingError(f"{folder}: there is no such folder; give the folder that holds the NGSIM files")
-    found = sorted(path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
-    if not found:
+    named = sorted(path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
+    reasons = {path: why_not(path) for path in named}
+    files = [path for path, reason in reasons.items() if reason is None]
+    left_out = {path: reason for path, reason in reasons.items() if reason is not None}
+    if not files:
+        told = "".join(f"\n  {reason}" for reason in left_out.values())
         raise RecordingError(
-            f"{folder}: no file ends in {', '.join(SUFFIXES)}; put the three I-80 windows there (see "
-            "docs/reproducing.md for where to get them)"
+            f"{folder}: no recording ends in {', '.join(SUFFIXES)}; put the three I-80 windows there (see "
+            f"docs/reproducing.md for where to get them){told}"
         )
-    return found
+    return Found(files, left_out)
 
 
 def paper_values() -> dict[str, Any]:
@@ -188,18 +199,14 @@ def _window(recording: Recording, number: str) -> Recording:
 def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec, tell: Progress) -> Forecaster:
     inputs = {"data": recording_hash(recording), "mode": mode, "spec": asdict(spec)}
     parts = folder.with_name(f"{folder.name}-parts")
-    lstms = {
-        lane: _kept(
-            parts,
-            lane,
-            inputs,
-            parts / lane,
-            lambda lane=lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=tell),  # type: ignore[misc]
-            lambda lstm, path: save_lstm(lstm, path),
-            load_lstm,
-        )
-        for lane in LANES
-    }
+
+    def lstm(lane: str) -> NeighbourLstm:
+        def fit() -> NeighbourLstm:
+            return fit_neighbours(recording, lane, mode=mode, spec=spec, progress=tell)
+
+        return _kept(parts, lane, inputs, parts / lane, fit, save_lstm, load_lstm)
+
+    ramp, target = for_each_lane(lstm)
     forests = _kept(
         parts,
         "forests",
@@ -209,7 +216,7 @@ def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec,
         save_forests,
         load_forests,
     )
-    forecaster = assemble(recording, mode=mode, spec=spec, **lstms, forests=forests)
+    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
     save(forecaster, folder)
     return forecaster
 

@@ -55,7 +55,7 @@ BAD_ROWS = {
     "a wrongly grouped number": (csv(with_cell("Local_Y", "10,03.5")), "line 5, column 6: local_y: expected a number"),
     "a truncated last line in the text": (TEXT[: TEXT.rfind(b"66.000")], "line 6: expected 18 columns, found 4"),
     "a truncated last line in the csv": (CSV[: CSV.rfind(b",6,")], "line 7: expected 18 columns, found 13"),
-    "a truncated last line of the portal": (PORTAL[:-15], "line 7: expected 25 columns, found 22"),
+    "a truncated last line of the portal": (PORTAL[:-15], "line 7: expected 25 columns, found 23"),
     "a column too few": (line_changed(TEXT, b"66.000", b"      "), "line 4: expected 18 columns, found 17"),
     "a column too many": (line_changed(TEXT, b"66.000", b"66 0.0"), "line 4: expected 18 columns, found 19"),
     "letters in a number": (

@@ -62,15 +62,15 @@ def test_progress_is_reported_and_grows() -> None:
 def test_without_sumo_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sumo", None)
     with pytest.raises(MissingExtra, match=r'pip install "rampcast\[sumo\]"'):
-        simulate(load_site("i80"), minutes=1, seed=1)
+        simulate(load_site("i80"), minutes=1.0, seed=1)
 
 
 def test_a_recording_of_no_time_is_refused() -> None:
     with pytest.raises(RecordingError, match="minutes > 0"):
-        simulate(load_site("i80"), minutes=0, seed=1)
+        simulate(load_site("i80"), minutes=0.0, seed=1)
 
 
 def test_a_target_lane_that_is_not_the_rightmost_is_refused() -> None:
     site: Site = site_from_dict(site_to_dict(load_site("i80")) | {"target_lane": 5})
     with pytest.raises(SiteError, match="rightmost main lane"):
-        simulate(site, minutes=1, seed=1)
+        simulate(site, minutes=1.0, seed=1)

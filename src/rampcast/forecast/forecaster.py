@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import jax
@@ -171,9 +172,15 @@ def fit_forecaster(
         RecordingError: the recording holds no vehicle that stays long enough in the ramp lane or the target lane.
     """
     spec = spec or TrainingSpec()
-    ramp, target = (fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress) for lane in LANES)
+    ramp, target = for_each_lane(lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress))
     forests = fit_lane_changes(recording, mode=mode, spec=spec, progress=progress)
     return assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
+
+
+def for_each_lane(fit: Callable[[str], NeighbourLstm]) -> list[NeighbourLstm]:
+    """Returns the neighbour model of each of `LANES`, fitted at the same time: one training keeps one core busy."""
+    with ThreadPoolExecutor(len(LANES)) as pool:
+        return list(pool.map(fit, LANES))
 
 
 def fit_neighbours(

@@ -71,6 +71,7 @@ def calibrate_scenes(law: Law, scenes: Scenes, mode: Mode) -> Calibration:
         gap=np.asarray(gap_to(central[..., X], leader, mode=mode)),
         acceleration=central[..., A],
         valid=np.asarray(leader.present),
+        mode=mode,
     )
 
 

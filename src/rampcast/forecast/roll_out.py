@@ -71,8 +71,8 @@ def roll_out(
         time_step: T [s].
     """
     scenes, steps = leader_x.shape
-    rows = (parameters, x, v, leader_x, leader_v, leader_length, leader_present)
-    rows += (target_x, target_v, target_length, target_present)
+    own = (parameters, x, v, leader_x, leader_v, leader_length, leader_present)
+    rows = (*own, target_x, target_v, target_length, target_present)
     motion = Motion(np.empty((scenes, steps - 1)), np.empty((scenes, steps - 1)))
     for block in blocks(scenes):
         moved = _algorithm_1(law, mode, *(padded(row, block) for row in rows), ramp_end, v_max, time_step)

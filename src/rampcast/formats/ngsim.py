@@ -104,7 +104,7 @@ def _parse(
                 slow = parse_lines(body, layout, rules, file=name, first_line=line + header, styles=styles)
                 parsed = replace(slow, rows=_to_metres(slow.rows))
             styles.update(parsed.styles)
-            line += chunk.count(b"\n")
+            line += parsed.lines + header
             yield parsed
 
 
@@ -160,7 +160,9 @@ def _to_metres(rows: pl.DataFrame) -> pl.DataFrame:
         (pl.col("v_length") * METRES_PER_FOOT).cast(pl.Float32).alias(c.LENGTH),
         (pl.col("v_width") * METRES_PER_FOOT).cast(pl.Float32).alias(c.WIDTH),
         _kind(pl.col("v_class")).alias(c.KIND),
-        (pl.col("global_time") - clocks.FRAME_MS * pl.col("frame_id")).cast(pl.Int64).alias(clocks.CLOCK),
+        (pl.col("global_time").cast(pl.Int64) - clocks.FRAME_MS * pl.col("frame_id").cast(pl.Int64)).alias(
+            clocks.CLOCK
+        ),
     )
 
 

@@ -17,6 +17,15 @@ from rampcast.recording import Site
 METRES_PER_FOOT = 0.3048
 PLAIN, GROUPED = "plain", "grouped"  # how a file writes numbers of 1,000 and more: 1234.5 or "1,234.5"
 GROUPED_NUMBER = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
+NARROW = dict.fromkeys(WANTED, pl.Float64()) | {  # as wide as a recording needs, which saves a conversion
+    "vehicle_id": pl.Int32(),
+    "frame_id": pl.Int32(),
+    "global_time": pl.Int64(),
+    "v_length": pl.Float32(),
+    "v_width": pl.Float32(),
+    "v_class": pl.Int8(),
+    "lane_id": pl.Int16(),
+}
 NUL = "\ufffd"  # stands for a NUL byte where the csv module refuses one
 INT32 = 2.0**31 - 1
 LATEST = 4_102_444_800_000.0  # [ms since 1970] the year 2100
@@ -43,6 +52,7 @@ class Parsed:
         rows: the wanted columns of this site's rows.
         other_locations: number of rows of each other location.
         styles: how each column writes numbers of 1,000 and more, where it has some.
+        lines: lines of the chunk, blank ones among them.
         grouped_numbers: numbers written with thousands separators.
         faults: the bad rows.
     """
@@ -50,6 +60,7 @@ class Parsed:
     rows: pl.DataFrame
     other_locations: Mapping[str, int]
     styles: Mapping[str, str]
+    lines: int
     grouped_numbers: int = 0
     faults: tuple[BadRow, ...] = ()
 
@@ -77,16 +88,17 @@ def parse_chunk(chunk: bytes, layout: Layout, rules: Rules) -> Parsed | None:
         return None
     body = body_of(chunk, layout)
     if not body.rows:
-        return Parsed(empty_rows(), {}, {})
+        return Parsed(empty_rows(), {}, {}, body.lines)
     table, grouped = (_read_grouped if b'"' in body.text else _read_plain)(body)
     if table is None or table.height != body.rows or not body.is_whole:
         return None
     rows, others = _this_location(table, body.layout, rules)
-    if not _obeys(rows, rules):
+    extent = _extent(rows)
+    if not _obeys(rows, extent, rules):
         return None
-    large = rows.select((pl.col(name).abs() >= 1000).any() for name in WANTED if name not in grouped)
-    styles = dict.fromkeys(grouped, GROUPED) | {name: PLAIN for name in large.columns if large.item(0, name)}
-    return Parsed(rows, others, styles, sum(grouped.values()))
+    large = [name for name, (low, high) in extent.items() if name not in grouped and max(-low, high) >= 1000]
+    styles = dict.fromkeys(grouped, GROUPED) | dict.fromkeys(large, PLAIN)
+    return Parsed(rows, others, styles, body.lines, sum(grouped.values()))
 
 
 def parse_lines(
@@ -103,7 +115,8 @@ def parse_lines(
         styles: how each column writes numbers of 1,000 and more, as far as earlier chunks showed.
     """
     lines = list(_split(chunk, layout, first_line))
-    styles = {**_majority_styles(lines, layout), **styles}
+    if layout.separator != " ":  # text has no thousands separators
+        styles = {**_majority_styles(lines, layout), **styles}
     good: dict[str, list[float]] = {name: [] for name in WANTED}
     others: dict[str, int] = {}
     faults = []
@@ -120,7 +133,7 @@ def parse_lines(
             good[name].append(value)
     rows = pl.DataFrame(good, schema=dict.fromkeys(WANTED, pl.Float64))
     grouped = sum("," in cells[i] for _, cells in lines for i in _indices(layout) if i < len(cells))
-    return Parsed(rows, others, styles, grouped, tuple(faults))
+    return Parsed(rows, others, styles, chunk.count(b"\n"), grouped, tuple(faults))
 
 
 def empty_rows() -> pl.DataFrame:
@@ -129,17 +142,15 @@ def empty_rows() -> pl.DataFrame:
 
 
 def _read_plain(body: Body) -> tuple[pl.DataFrame | None, dict[str, int]]:
-    for whole in (pl.Int64, pl.Float64):  # csv written by other programs may say 2.0 for a whole number
-        types = dict.fromkeys(WANTED, pl.Float64) | dict.fromkeys(WHOLE_NUMBERS, whole)
-        table = _read_csv(body, types)
-        if table is not None:
-            return table, {}
-    return None, {}
+    table = _read_csv(body, NARROW)
+    if table is None:  # csv written by other programs may say 2.0 for a whole number
+        table = _read_csv(body, dict.fromkeys(WANTED, pl.Float64()))
+    return table, {}
 
 
 def _read_grouped(body: Body) -> tuple[pl.DataFrame | None, dict[str, int]]:
     """Returns the table and how many numbers of each column are written as "1,234.5"; a mixed column is a fault."""
-    texts = _read_csv(body, dict.fromkeys(WANTED, pl.String))
+    texts = _read_csv(body, dict.fromkeys(WANTED, pl.String()))
     if texts is None:
         return None, {}
     counts = texts.select(pl.col(name).str.contains(GROUPED_NUMBER).sum() for name in WANTED).row(0, named=True)
@@ -175,7 +186,7 @@ def _read_csv(body: Body, types: Mapping[str, Any]) -> pl.DataFrame | None:
             separator=layout.separator,
             quote_char=None if layout.separator == " " else '"',
             columns=read,
-            schema={full: types.get(name, pl.String)() for full, name in zip(names, layout.names, strict=True)},
+            schema={full: types.get(name, pl.String()) for full, name in zip(names, layout.names, strict=True)},
         )
     except pl.exceptions.PolarsError:
         return None
@@ -193,11 +204,23 @@ def _this_location(table: pl.DataFrame, layout: Layout, rules: Rules) -> tuple[p
     return table.filter(here).drop(LOCATION), dict(counts.iter_rows())
 
 
-def _obeys(rows: pl.DataFrame, rules: Rules) -> bool:
-    within = [pl.col(name).is_between(low, high).all() for name, (low, high) in rules.ranges.items()]
+def _extent(rows: pl.DataFrame) -> dict[str, tuple[float, float]]:
+    """Returns the smallest and largest number of each column; a column with NaN has no numbers at all."""
+    sizes = (agg.alias(f"{index} {name}") for name in WANTED for index, agg in enumerate(_least_and_most(name)))
+    found = rows.select(sizes).row(0, named=True) if rows.height else {}
+    return {name: (float(found[f"0 {name}"]), float(found[f"1 {name}"])) for name in WANTED if found}
+
+
+def _least_and_most(name: str) -> tuple[pl.Expr, pl.Expr]:
+    return pl.col(name).nan_min(), pl.col(name).nan_max()
+
+
+def _obeys(rows: pl.DataFrame, extent: Mapping[str, tuple[float, float]], rules: Rules) -> bool:
+    """Returns whether all rows are as they should be; a comparison with NaN is False."""
+    within = all(low <= extent[n][0] and extent[n][1] <= high for n, (low, high) in rules.ranges.items() if extent)
     whole = [(pl.col(n) == pl.col(n).floor()).all() for n in WHOLE_NUMBERS if rows.schema[n] == pl.Float64]
     lanes = pl.col("lane_id").cast(pl.Float64).is_in([float(lane) for lane in rules.lanes]).all()
-    return all(rows.select(**{str(i): check for i, check in enumerate([*within, *whole, lanes])}).row(0))
+    return within and all(rows.select(**{str(i): check for i, check in enumerate([*whole, lanes])}).row(0))
 
 
 def _indices(layout: Layout) -> list[int]:

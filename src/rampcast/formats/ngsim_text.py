@@ -15,29 +15,31 @@ class Body:
     Attributes:
         text: the rows.
         layout: of the text; fewer columns than in the file where the text was cut.
-        rows: number of lines.
+        rows: number of rows.
+        lines: number of lines of the chunk, blank ones among them.
         is_whole: False if a row may have too few columns.
     """
 
     text: bytes
     layout: Layout
     rows: int
+    lines: int
     is_whole: bool
 
 
 def body_of(chunk: bytes, layout: Layout) -> Body:
     """Returns a chunk of whole lines as csv."""
     if layout.separator == " ":
-        return _cut(chunk, layout) or _counted(_single_spaces(chunk, layout), layout)
-    return _counted(chunk.strip(b"\r\n"), layout)
+        return _cut(chunk, layout) or _counted(chunk, _single_spaces(chunk, layout), layout)
+    return _counted(chunk, chunk.strip(b"\r\n"), layout)
 
 
-def _counted(text: bytes, layout: Layout) -> Body:
+def _counted(chunk: bytes, text: bytes, layout: Layout) -> Body:
     """Returns a body whose separators are counted; with quotes in it that says nothing."""
     letters = np.frombuffer(text, np.uint8)
     rows = _count(letters, "\n") + 1 if text else 0
     is_whole = b'"' in text or _count(letters, layout.separator) == rows * (len(layout.names) - 1)
-    return Body(text, layout, rows, is_whole)
+    return Body(text, layout, rows, _count(np.frombuffer(chunk, np.uint8), "\n"), is_whole)
 
 
 def _count(letters: UInt8[np.ndarray, "letter"], letter: str) -> int:
@@ -65,7 +67,7 @@ def _cut(chunk: bytes, layout: Layout) -> Body | None:
     cells[:, np.cumsum([len(column) for column in columns]) - 1] = ord(",")
     cells[:, -1] = ord("\n")
     names = tuple(layout.names[index] for index in wanted)
-    return Body(cells.tobytes(), replace(layout, separator=",", names=names), len(table), is_whole=True)
+    return Body(cells.tobytes(), replace(layout, separator=",", names=names), len(table), len(table), is_whole=True)
 
 
 def _cells_are_words(line: UInt8[np.ndarray, "letter"], ends: Int[np.ndarray, "column"]) -> bool:

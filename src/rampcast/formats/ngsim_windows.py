@@ -3,7 +3,8 @@
 In every file of the originals Global_Time = start + 100 ms * Frame_ID, with one start a window: the window's clock. The
 nominal bounds do not tell windows apart: the cameras ran longer (the I-80 window of 16:00 holds rows from 15:58:55 to
 16:15:32, that of 17:15 begins at 17:12:45), so windows overlap in time, and their vehicle ids repeat. The clock tells
-them apart, keeps every track whole, and never joins two vehicles of one id.
+them apart, keeps every track whole, and never joins two vehicles of one id. (First and last Frame_ID and Global_Time of
+the three I-80 windows, as users of the data have published them.)
 
 Where one clock runs through several windows, as in files whose frames were numbered anew, a track (rows of one vehicle
 with no hole of more than 5 s) belongs to the window in which its middle lies.

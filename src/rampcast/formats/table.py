@@ -6,8 +6,10 @@ from pathlib import Path
 
 from rampcast.errors import FormatError, RecordingError
 from rampcast.formats.ngsim import read_ngsim
+from rampcast.formats.ngsim_layout import detect_layout
 from rampcast.formats.ngsim_site import guess_ngsim_site, looks_like_ngsim
 from rampcast.formats.report import BadRows, ReadReport
+from rampcast.formats.sources import open_source, read_chunks
 from rampcast.recording import Recording, Site, concatenate, read_recording
 
 Reader = Callable[[Sequence[Path], Site | None, BadRows], tuple[Recording, ReadReport]]
@@ -91,3 +93,15 @@ def _format_of(paths: Sequence[Path], name: str | None) -> Format:
         both = "; ".join(f"{path}: {entry.title}" for path, entry in zip(paths, found, strict=True))
         raise FormatError(f"expected files of one format, got {both}. Convert each by itself first")
     return found[0]
+
+
+def why_not(path: Path) -> str | None:
+    """Returns why a file cannot be a recording, told by its beginning; None if it can."""
+    if _is_parquet(path):
+        return None
+    try:
+        with open_source(path) as (name, stream):
+            detect_layout(name, next(read_chunks(name, stream), b""))
+    except FormatError as error:
+        return str(error)
+    return None

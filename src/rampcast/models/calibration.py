@@ -1,5 +1,6 @@
 """Calibration: the parameters of a car-following law that fit each vehicle's accelerations in the history."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
@@ -7,14 +8,19 @@ from functools import partial
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.models.least_squares import States, Vector, search, spread_points
+from rampcast.models.idm_starts import idm_starts
+from rampcast.models.least_squares import Bounds, States, Vector, residual, search
 from rampcast.models.separable_fit import fit_separable
+from rampcast.models.unit_cube import from_cube, spread_points
 from rampcast.physics.engine import blocks, jax, jnp, padded
 from rampcast.physics.laws import Law
+from rampcast.physics.mode import Mode
 
 STARTS = 4
 BLOCK = 512  # one size only: searches that end in different minima by a rounding must not depend on the batch
-FIRST_ITERATIONS, LAST_ITERATIONS = 15, 30
+GROUP = 32  # points rated for each start
+FIRST_ITERATIONS, LAST_ITERATIONS = 10, 40
+LAST_DAMPING = 1e-3
 
 
 class Outcome(IntEnum):
@@ -54,9 +60,9 @@ def calibrate(
     gap: Float[np.ndarray, "scene past"],
     acceleration: Float[np.ndarray, "scene past"],
     valid: Bool[np.ndarray, "scene past"],
-    starts: int = STARTS,
+    mode: Mode = Mode.CORRECTED,
 ) -> Calibration:
-    """Returns the parameters within `law.bounds` with the least mean squared error of the acceleration.
+    """Returns the parameters within their ranges with the least mean squared error of the acceleration.
 
     Args:
         law: which car-following law.
@@ -65,17 +71,17 @@ def calibrate(
         gap: s [m]; infinite where there is no leader.
         acceleration: observed [m/s^2].
         valid: steps to fit; what the other arrays hold elsewhere does not matter.
-        starts: number of starting points, for a law that is not linear in a parameter.
+        mode: whose ranges: paper mode takes those in print, corrected mode those for a net gap.
     """
     scenes = len(speed)
     parameters, mse = np.empty((scenes, len(law.bounds))), np.empty(scenes)
     rows = (speed, leader_speed, gap, acceleration, valid)
     for block in blocks(scenes, sizes=(BLOCK,)):
-        fitted, error = _fit(law, starts, *(padded(row, block) for row in rows))
+        fitted, error = _fit(law, mode, *(padded(row, block) for row in rows))
         keep = block.stop - block.start
         parameters[block.start : block.stop] = np.asarray(fitted)[:keep]
         mse[block.start : block.stop] = np.asarray(error)[:keep]
-    low, high = np.array([(bound.low, bound.high) for bound in law.bounds]).T
+    low, high = np.array([(bound.low, bound.high) for bound in law.ranges(mode)]).T
     outcome = np.where(((parameters <= low) | (parameters >= high)).any(axis=1), Outcome.AT_BOUND, Outcome.CONVERGED)
     led = (valid & np.isfinite(gap)).sum(axis=1)
     outcome = np.where(led < len(law.bounds), Outcome.TOO_FEW_POINTS, outcome)
@@ -91,7 +97,7 @@ def calibrate(
 @partial(jax.jit, static_argnums=(0, 1))
 def _fit(
     law: Law,
-    starts: int,
+    mode: Mode,
     speed: Float[Array, "scene past"],
     leader_speed: Float[Array, "scene past"],
     gap: Float[Array, "scene past"],
@@ -99,34 +105,57 @@ def _fit(
     valid: Bool[Array, "scene past"],
 ) -> tuple[Float[Array, "scene param"], Float[Array, "scene"]]:
     """Returns parameters and mean squared error."""
-    rows = (jnp.asarray(row, dtype=float).T for row in (speed, leader_speed, gap, acceleration))
     kept = jnp.asarray(valid).T
-    states = States(*(jnp.where(kept, row, 1.0) for row in rows), weight=kept.astype(float))
-    point, cost = fit_separable(law, states) if law.factors else fit_from_starts(law, states, starts=starts)
-    low, high = np.array([(bound.low, bound.high) for bound in law.bounds]).T
-    parameters = jnp.clip(low + (high - low) * jnp.stack(point, axis=-1), low, high)
+    rows = [jnp.where(kept, jnp.asarray(row, dtype=float).T, 1.0) for row in (speed, leader_speed, gap, acceleration)]
+    states = States(rows[0], rows[1], rows[2], rows[3], weight=kept.astype(float))
+    bounds = law.ranges(mode)
+    point, cost = (fit_separable if law.factors else fit_from_starts)(law, bounds, states)
+    low, high = np.array([(bound.low, bound.high) for bound in bounds]).T
+    parameters = jnp.clip(jnp.stack(from_cube(bounds, point), axis=-1), low, high)
     return parameters, cost / jnp.maximum(kept.sum(axis=0), 1)
 
 
-def fit_from_starts(law: Law, states: States, *, starts: int) -> tuple[Vector, Array]:
+def fit_from_starts(law: Law, bounds: Bounds, states: States) -> tuple[Vector, Array]:
     """Returns the best point on the unit cube and its sum of squares, of searches from several points.
 
     Every start is followed for some steps, and the best of them to the end.
 
     Args:
         law: which car-following law.
+        bounds: range of each parameter.
         states: see `States`.
-        starts: number of starting points.
     """
-    points = jnp.asarray(spread_points(starts, len(law.bounds)))
+    starts = jax.tree.map(
+        lambda *each: jnp.stack(each), *FIRST_GUESSES.get(law.name, partial(spread_starts, law))(bounds, states)
+    )
 
-    def follow_start(best: tuple[Vector, Array], start: Array) -> tuple[tuple[Vector, Array], None]:
-        begin = [jnp.full_like(best[1], z) for z in start]
-        found = search(law, begin, states, iterations=FIRST_ITERATIONS)
-        better = found[1] < best[1]
-        return jax.tree.map(partial(jnp.where, better), found, best), None
+    def follow_start(best: tuple[Vector, Array], start: Vector) -> tuple[tuple[Vector, Array], None]:
+        found = search(law, bounds, start, states, iterations=FIRST_ITERATIONS)
+        return jax.tree.map(partial(jnp.where, found[1] < best[1]), found, best), None
 
-    nothing = jnp.zeros_like(states.speed[0])
-    worst = ([nothing] * len(law.bounds), nothing + jnp.inf)
-    (point, _), _ = jax.lax.scan(follow_start, worst, points)
-    return search(law, point, states, iterations=LAST_ITERATIONS)
+    worst = ([jnp.zeros_like(start[0]) for start in starts], jnp.full_like(starts[0][0], jnp.inf))
+    (point, _), _ = jax.lax.scan(follow_start, worst, starts)
+    return search(law, bounds, point, states, iterations=LAST_ITERATIONS, damping=LAST_DAMPING)
+
+
+def spread_starts(law: Law, bounds: Bounds, states: States) -> list[Vector]:
+    """Returns, for each of `STARTS` groups of points that fill the unit cube, the one that fits best.
+
+    Args:
+        law: which car-following law.
+        bounds: range of each parameter.
+        states: see `States`.
+    """
+    groups = jnp.asarray(spread_points(STARTS * GROUP, len(bounds)).reshape(GROUP, STARTS, -1))
+
+    def better(best: tuple[Array, Array], points: Array) -> tuple[tuple[Array, Array], None]:
+        costs = jnp.stack([jnp.sum(residual(law, bounds, list(point), states) ** 2, axis=0) for point in points])
+        wins = costs < best[1]
+        return (jnp.where(wins[:, None], points[..., None], best[0]), jnp.where(wins, costs, best[1])), None
+
+    nothing = jnp.zeros((STARTS, len(bounds), states.speed.shape[1]))
+    (points, _), _ = jax.lax.scan(better, (nothing, nothing[:, 0] + jnp.inf), groups)
+    return [list(point) for point in points]
+
+
+FIRST_GUESSES: dict[str, Callable[[Bounds, States], list[Vector]]] = {"idm": idm_starts}

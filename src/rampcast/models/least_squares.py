@@ -1,29 +1,34 @@
 """Bounded nonlinear least squares for many vehicles at once: Levenberg-Marquardt on the unit cube.
 
-Every quantity is a plain elementwise expression in arrays whose last axis is the vehicle: the small matrices are lists of
-such arrays, so that a compiler turns a step of all vehicles into a few long loops. A call to a linear algebra library for
-each vehicle's six by six system would cost more than the whole step.
+Every quantity is a plain elementwise expression in arrays whose last axis is the vehicle: the small matrices are lists
+of such arrays, so that a compiler turns a step of all vehicles into a few long loops. Calling a linear algebra library
+for each vehicle's six by six system would cost more than the whole step.
 """
 
 from collections.abc import Sequence
-from functools import partial
+from functools import partial, reduce
 from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Array, Float
 
+from rampcast.models.unit_cube import from_cube
 from rampcast.physics.engine import jax, jnp
 from rampcast.physics.laws import Law
+from rampcast.physics.parameters import Range
 
-Vector = list[Array]  # one array of vehicles per parameter
-Matrix = list[list[Array]]  # its lower triangle
+Vector = list[Array]  # one array over vehicles for each parameter
+Matrix = list[list[Array]]  # lower triangles, row by row
+Bounds = tuple[Range, ...]
 
-FIRST_DAMPING = 1e-3  # a small first damping takes nearly the Gauss-Newton step, which is good far from a bound
-RAISE, LOWER = 4.0, 0.2  # factors on the damping after a step that failed, that lowered the cost
-SMALLEST_DAMPING, LARGEST_DAMPING = 1e-9, 1e9
-RIDGE = 1e-14  # keeps the matrix positive definite where a parameter has no effect at all
+FIRST_DAMPING = 1e-2
+RAISE, LOWER = 3.0, 0.33  # factors on the damping after a step that failed, that lowered the cost
+SMALLEST_DAMPING, LARGEST_DAMPING = 1e-12, 1e9
+DAMPED_SHARE = 1e-3  # a parameter of little effect is damped as if it had this share of the effect of the strongest
+RIDGE = 1e-14  # keeps the matrix positive definite where no parameter has any effect
+LONGEST_STEP = 0.5  # of the cube's side; longer ones run into corners where a parameter has no effect, and stay there
+LONGEST_BEND = 2.0  # largest curvature correction, as a share of the step; Transtrum & Sethna 2012 take 0.75 to 2
 BOUND_ROUNDS = (
-    2  # solutions of the damped system in a step; in each, parameters that left the cube are held at its side
+    2  # solutions of the damped system in a step; in each, parameters that left their box are held at its side
 )
 SMALLEST_PIVOT = 1e-30
 
@@ -62,22 +67,6 @@ class Search(NamedTuple):
     damping: Array
 
 
-def spread_points(count: int, dimensions: int) -> Float[np.ndarray, "point param"]:
-    """Returns the first points of an additive recurrence that fills the unit cube evenly.
-
-    Source: Roberts 2018, "The unreasonable effectiveness of quasirandom sequences": steps 1/phi^k with phi^(d+1) = phi + 1.
-
-    Args:
-        count: number of points.
-        dimensions: d.
-    """
-    phi = 2.0
-    for _ in range(64):
-        phi = (1.0 + phi) ** (1.0 / (dimensions + 1))
-    result: np.ndarray = (0.5 + np.arange(1, count + 1)[:, None] * phi ** -np.arange(1.0, dimensions + 1)) % 1.0
-    return result
-
-
 def solve(matrix: Matrix, right: Vector) -> Vector:
     """Returns d with matrix d = right, by Cholesky's method written out.
 
@@ -103,28 +92,28 @@ def solve(matrix: Matrix, right: Vector) -> Vector:
     return result
 
 
-def residual(law: Law, point: Sequence[Array], states: States) -> Float[Array, "past vehicle"]:
+def residual(law: Law, bounds: Bounds, point: Sequence[Array], states: States) -> Float[Array, "past vehicle"]:
     """Returns forecast minus observed acceleration [m/s^2], 0 where the weight is 0.
 
     Args:
         law: which car-following law.
+        bounds: range of each parameter.
         point: parameters on the unit cube.
         states: see `States`.
     """
-    parameters = (bound.low + (bound.high - bound.low) * value for bound, value in zip(law.bounds, point, strict=True))
-    law_says = law.acceleration(
-        law.parameters(*parameters), speed=states.speed, leader_speed=states.leader_speed, gap=states.gap
-    )
-    return (law_says - states.acceleration) * states.weight
+    parameters = law.parameters(*from_cube(bounds, point))
+    forecast = law.acceleration(parameters, speed=states.speed, leader_speed=states.leader_speed, gap=states.gap)
+    return (forecast - states.acceleration) * states.weight
 
 
-def quadratic(law: Law, point: Vector, states: States) -> Quadratic:
+def quadratic(law: Law, bounds: Bounds, point: Vector, states: States) -> Quadratic:
     """Returns the Gauss-Newton model of the sum of squares at `point`.
 
-    Each column of the Jacobian is a forward derivative by one parameter alone: what does not depend on it is not computed.
+    Each column of the Jacobian is a forward derivative by one parameter, so what does not depend on it costs nothing.
 
     Args:
         law: which car-following law.
+        bounds: range of each parameter.
         point: parameters on the unit cube.
         states: see `States`.
     """
@@ -132,11 +121,10 @@ def quadratic(law: Law, point: Vector, states: States) -> Quadratic:
     for k, value in enumerate(point):
 
         def along(moved: Array, k: int = k) -> Array:
-            return residual(law, [*point[:k], moved, *point[k + 1 :]], states)
+            return residual(law, bounds, [*point[:k], moved, *point[k + 1 :]], states)
 
         error, column = jax.jvp(along, (value,), (jnp.ones_like(value),))
         columns.append(column)
-    columns, error = jax.lax.optimization_barrier((columns, error))  # else each product below computes them again
     return Quadratic(
         cost=jnp.sum(error * error, axis=0),
         gradient=[jnp.sum(column * error, axis=0) for column in columns],
@@ -144,55 +132,100 @@ def quadratic(law: Law, point: Vector, states: States) -> Quadratic:
     )
 
 
-def _bounded_step(point: Vector, model: Quadratic, damping: Array) -> Vector:
-    """Returns the point that the damped model prefers on the cube, holding parameters at the sides they run into."""
+def _damped(hessian: Matrix, damping: Array) -> Matrix:
+    """Returns the matrix with its diagonal raised, by at least a share of the largest entry for every parameter."""
+    diagonal = [row[-1] for row in hessian]
+    largest = reduce(jnp.maximum, diagonal)
+    raised = [d + damping * jnp.maximum(d, DAMPED_SHARE * largest) + RIDGE for d in diagonal]
+    return [[*row[:-1], value] for row, value in zip(hessian, raised, strict=True)]
+
+
+def _free(matrix: Matrix, held: Vector) -> Matrix:
+    """Returns the matrix with the rows and columns of held parameters replaced by those of the identity."""
+    return [[jnp.where(held[i] | held[j], float(i == j), matrix[i][j]) for j in range(i + 1)] for i in range(len(held))]
+
+
+def _boxed_step(point: Vector, model: Quadratic, damping: Array) -> tuple[Vector, Vector]:
+    """Returns the step that the damped model prefers in the cube and `LONGEST_STEP`, and which parameters are held."""
     size = len(point)
-    matrix = [list(row) for row in model.hessian]
-    for i in range(size):
-        matrix[i][i] = matrix[i][i] * (1.0 + damping) + RIDGE
+    matrix = _damped(model.hessian, damping)
+    lowest = [jnp.maximum(-z, -LONGEST_STEP) for z in point]
+    highest = [jnp.minimum(1.0 - z, LONGEST_STEP) for z in point]
     held = [
         ((z <= 0.0) & (slope > 0.0)) | ((z >= 1.0) & (slope < 0.0))
         for z, slope in zip(point, model.gradient, strict=True)
     ]
-    def round_of(_: Array | int, now: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        held, step = now
+
+    def improve(_: int, now: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        step, held = now
         pinned = [jnp.where(h, d, 0.0) for h, d in zip(held, step, strict=True)]
-        right = [
-            jnp.where(
-                held[i],
-                pinned[i],
-                -model.gradient[i] - sum(matrix[max(i, k)][min(i, k)] * pinned[k] for k in range(size) if k != i),
-            )
-            for i in range(size)
-        ]
-        free = [[jnp.where(held[i] | held[j], float(i == j), matrix[i][j]) for j in range(i + 1)] for i in range(size)]
-        step = solve(free, right)
-        held = [h | (z + d < 0.0) | (z + d > 1.0) for h, z, d in zip(held, point, step, strict=True)]
-        return held, [jnp.clip(z + d, 0.0, 1.0) - z for z, d in zip(point, step, strict=True)]
+        pull = [sum(matrix[max(i, k)][min(i, k)] * pinned[k] for k in range(size) if k != i) for i in range(size)]
+        right = [jnp.where(held[i], pinned[i], -model.gradient[i] - pull[i]) for i in range(size)]
+        wished = solve(_free(matrix, held), right)
+        step = [jnp.clip(d, low, high) for d, low, high in zip(wished, lowest, highest, strict=True)]
+        return step, [h | (d != wish) for h, d, wish in zip(held, step, wished, strict=True)]
 
-    _, step = jax.lax.fori_loop(0, BOUND_ROUNDS, round_of, (held, [jnp.zeros_like(z) for z in point]))
-    return [jnp.clip(z + d, 0.0, 1.0) for z, d in zip(point, step, strict=True)]
+    # A loop, not a list of statements, because the compiler would fold those into each of their many users.
+    return jax.lax.fori_loop(0, BOUND_ROUNDS, improve, ([jnp.zeros_like(z) for z in point], held))
 
 
-def search(law: Law, start: Vector, states: States, *, iterations: int) -> tuple[Vector, Array]:
+def _bend(law: Law, bounds: Bounds, now: "Search", step: Vector, held: Vector, states: States) -> Vector:
+    """Returns the correction of a step for the curvature of the residual along it: geodesic acceleration.
+
+    a = -1/2 (J'J + damping)^-1 J' r'', r'' the second derivative of the residual along the step. It lets the search run
+    along the curved valleys of six parameters that twenty points cannot tell apart.
+    Source: Transtrum and Sethna 2012, arXiv 1201.5885, eq. 13.
+    """
+
+    def along(share: Array) -> Array:
+        return residual(law, bounds, [z + share * d for z, d in zip(now.point, step, strict=True)], states)
+
+    def slope(share: Array) -> Array:
+        return jax.jvp(along, (share,), (jnp.ones_like(share),))[1]
+
+    start = jnp.zeros_like(now.damping)
+    curvature = jax.jvp(slope, (start,), (jnp.ones_like(start),))[1]
+    _, transposed = jax.vjp(lambda point: residual(law, bounds, point, states), now.point)
+    (right,) = transposed(curvature)
+    right = [jnp.where(h, 0.0, -0.5 * value) for h, value in zip(held, right, strict=True)]
+
+    def correct(right: Vector) -> Vector:
+        bend = solve(_free(_damped(now.model.hessian, now.damping), held), right)
+        small = 4.0 * sum(a * a for a in bend) <= (LONGEST_BEND**2) * sum(d * d for d in step)
+        return [jnp.where(small, a, 0.0) for a in bend]
+
+    # A branch, for the same reason as the loop above: what it returns is stored, not computed again by each user.
+    usable = jnp.any(jnp.isfinite(now.model.cost))
+    return jax.lax.cond(usable, correct, lambda right: [jnp.zeros_like(value) for value in right], right)
+
+
+def search(
+    law: Law, bounds: Bounds, start: Vector, states: States, *, iterations: int, damping: float = FIRST_DAMPING
+) -> tuple[Vector, Array]:
     """Returns the point reached from `start` and its sum of squares [m^2/s^4].
 
     Args:
         law: which car-following law.
+        bounds: range of each parameter.
         start: parameters on the unit cube.
         states: see `States`.
-        iterations: number of evaluations.
+        iterations: number of steps tried.
+        damping: of the first step.
     """
 
-    def improve(_: Array | int, now: Search) -> Search:
-        point = jax.lax.optimization_barrier(_bounded_step(now.point, now.model, now.damping))
-        model = quadratic(law, point, states)
+    def improve(_: int, now: Search) -> Search:
+        step, held = _boxed_step(now.point, now.model, now.damping)
+        bend = _bend(law, bounds, now, step, held, states)
+        point = [
+            jnp.clip(z + jnp.clip(d + a, -LONGEST_STEP, LONGEST_STEP), 0.0, 1.0)
+            for z, d, a in zip(now.point, step, bend, strict=True)
+        ]
+        model = quadratic(law, bounds, point, states)
         better = model.cost < now.model.cost
         point, model = jax.tree.map(partial(jnp.where, better), (point, model), (now.point, now.model))
         damping = jnp.clip(now.damping * jnp.where(better, LOWER, RAISE), SMALLEST_DAMPING, LARGEST_DAMPING)
         return Search(point, model, damping)
 
-    first = quadratic(law, start, states)
-    begin = Search(start, first, jnp.full_like(first.cost, FIRST_DAMPING))
-    end = jax.lax.fori_loop(0, iterations, improve, begin)
+    first = quadratic(law, bounds, start, states)
+    end = jax.lax.fori_loop(0, iterations, improve, Search(start, first, jnp.full_like(first.cost, damping)))
     return end.point, end.model.cost

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from rampcast.physics.engine import jnp
 from rampcast.physics.floors import MINIMUM_GAP
-from rampcast.physics.parameters import Range, Spread
+from rampcast.physics.parameters import Range, Scale, Spread
 
 
 class Parameters(NamedTuple):
@@ -30,15 +30,15 @@ class Parameters(NamedTuple):
     standing_gap: Float[ArrayLike, "*#scene"]
 
 
-# Accelerations and desired speed: the ranges that the paper gives the IDM. Reaction time: 0.3 s to 3 s holds Gipps' 2/3 s
-# and the 1 to 2 s of Newell 2002. Standing gap: from below Gipps' 2 m (s_n = 6.5 m less a car of 4.5 m) to the paper's
-# 30 m, which holds a gap front to front.
+# Accelerations and desired speed: the ranges that the paper gives the IDM. Reaction time: 0.3 s to 3 s holds
+# Gipps' 2/3 s and the 1 to 2 s of Newell 2002. Standing gap: from below Gipps' 2 m (s_n = 6.5 m less a car of 4.5 m) to the 30 m of
+# the paper, which holds a gap front to front.
 BOUNDS = (
-    Range("maximum_acceleration", "m/s^2", 0.5, 5.0),
-    Range("braking", "m/s^2", 0.5, 5.0),
-    Range("desired_speed", "m/s", 5.0, 35.0),
-    Range("reaction_time", "s", 0.3, 3.0),
-    Range("leader_braking", "m/s^2", 0.5, 5.0),
+    Range("maximum_acceleration", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
+    Range("braking", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
+    Range("desired_speed", "m/s", 5.0, 35.0, Scale.LOGARITHM),
+    Range("reaction_time", "s", 0.3, 3.0, Scale.LOGARITHM),
+    Range("leader_braking", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
     Range("standing_gap", "m", 0.5, 30.0),
 )
 # Source: Gipps 1981, section 4: a ~ N(1.7, 0.3^2), b = -2 a, V ~ N(20.0, 3.2^2), s ~ N(6.5, 0.3^2), tau = 2/3 s,

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from rampcast.physics.engine import jnp
 from rampcast.physics.floors import MINIMUM_GAP, MINIMUM_SPEED
-from rampcast.physics.parameters import Range, Spread
+from rampcast.physics.parameters import Range, Scale, Spread
 
 
 class Parameters(NamedTuple):
@@ -34,11 +34,14 @@ class Parameters(NamedTuple):
 BOUNDS = (
     Range("standing_gap", "m", 5.0, 30.0),
     Range("time_headway", "s", 0.5, 6.0),
-    Range("maximum_acceleration", "m/s^2", 0.5, 5.0),
-    Range("comfortable_deceleration", "m/s^2", 0.5, 5.0),
-    Range("desired_speed", "m/s", 5.0, 35.0),
-    Range("exponent", "1", 0.0, 10.0),
+    Range("maximum_acceleration", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
+    Range("comfortable_deceleration", "m/s^2", 0.5, 5.0, Scale.INVERSE_ROOT),
+    Range("desired_speed", "m/s", 5.0, 35.0, Scale.LOGARITHM),
+    Range("exponent", "1", 0.0, 10.0, Scale.ROOT),
 )
+# The paper's s_0 holds the leader's length, as its gap does (errata 4). Net of a car of 4.5 m its range begins at
+# 0.5 m: with 5 m no vehicle could stand in a queue, where real net gaps are 1 to 4 m.
+NET_BOUNDS = (Range("standing_gap", "m", 0.5, 25.5), *BOUNDS[1:])
 PUBLISHED = (
     Spread("standing_gap", 10.68, 6.92, 8.47),
     Spread("time_headway", 1.79, 0.91, 1.88),

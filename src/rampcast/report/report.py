@@ -58,8 +58,8 @@ def write_report(
         site: the geometry.
         run: the run record; shown are date, seed, data_hash, versions, trained_on, tested_on, counts and all the rest.
         out: the folder.
-        paper: printed values: paper["parameters"][law][parameter] has "mean", "median", "standard_deviation"; those of
-            the law "gipps" are taken for printed by Gipps (1981).
+        paper: printed values: `paper["parameters"][law][parameter]` has "mean", "median", "standard_deviation"; those
+            of the law "gipps" are taken for printed by Gipps (1981).
 
     Raises:
         RampcastError: a table lacks a column that is drawn.

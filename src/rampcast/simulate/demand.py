@@ -21,8 +21,8 @@ CAR_RANGES = {
     "minGap": (1.5, 3.0),  # standstill gap [m]
     "speedFactor": (0.85, 1.15),  # desired speed over the limit
     "lcStrategic": (0.2, 3.0),  # eagerness to change for the route's sake
-    "lcAssertive": (0.8, 2.5),  # willingness to take small gaps
-    "lcCooperative": (0.2, 1.0),  # willingness to make room
+    "lcAssertive": (0.6, 1.8),  # willingness to take small gaps
+    "lcCooperative": (0.5, 1.0),  # willingness to make room
 }
 TRUCK_RANGES = CAR_RANGES | {"tau": (1.2, 1.8), "accel": (0.6, 1.0), "speedFactor": (0.8, 0.95)}
 # SUMO's drivers keep to the right and do not pass on the right, as in Europe; on a Californian freeway they may.

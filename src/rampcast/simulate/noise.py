@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from rampcast.recording import Recording
 from rampcast.recording.columns import X, Y
@@ -37,6 +36,8 @@ def add_position_noise(recording: Recording, *, standard_deviation: float, seed:
 
 def _correlated(stream: np.random.Generator, count: int, keep: float) -> Float[np.ndarray, "row"]:
     """Returns first-order autoregressive noise of unit variance."""
+    from scipy.signal import lfilter  # heavy; reading the sample does not need it
+
     white = stream.normal(size=count)
     white[1:] *= np.sqrt(1 - keep**2)
     noise: Float[np.ndarray, "row"] = lfilter([1.0], [1.0, -keep], white)

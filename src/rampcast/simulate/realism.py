@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 from jaxtyping import Float
-from scipy.ndimage import uniform_filter1d
 
 from rampcast.errors import RecordingError
 from rampcast.recording import Recording
@@ -104,6 +103,8 @@ def wave_speed(speeds: Float[np.ndarray, "time place"]) -> float:
     Args:
         speeds: as `space_time` returns them [m/s].
     """
+    from scipy.ndimage import uniform_filter1d  # heavy; reading the sample does not need it
+
     change = speeds - uniform_filter1d(speeds, round(WAVE_TREND / CELL_TIME), axis=0, mode="nearest")
     change = change / (change.std(axis=0) + 1e-9)  # a place where nothing changes correlates with nothing
     apart = round(WAVE_DISTANCE / CELL_LENGTH)

@@ -119,7 +119,9 @@ def _tracks(
     )
     rows = rows.sort("id", c.FRAME).with_columns(pl.Series(c.Y, _lateral(rows.sort("id", c.FRAME), site, seed)))
     inside = rows.filter(pl.col(c.FRAME).is_between(0, frames - 1), pl.col(c.X).is_between(0, site.length))
-    first = inside.sort(c.FRAME, c.X, descending=[False, True]).unique("id", keep="first", maintain_order=True)
+    first = inside.sort(c.FRAME, c.X, "id", descending=[False, True, False]).unique(
+        "id", keep="first", maintain_order=True
+    )
     numbers = first.select("id").with_row_index(c.VEHICLE, offset=1)
     bodies = vehicles.select(c.LENGTH, c.WIDTH, c.KIND).with_row_index("id").with_columns(pl.col("id").cast(pl.Int32))
     return inside.join(numbers, on="id").join(bodies, on="id").sort(c.VEHICLE, c.FRAME)

@@ -1,0 +1,82 @@
+"""Smoothing against scipy's filter track by track, and the neighbour search against a loop over frames.
+
+Run: python benchmarks/bench_recording.py
+Reach: smoothing 8 times, neighbours 1,000 times faster. The loop over frames is timed on a slice and taken per row.
+"""
+
+import numpy as np
+import polars as pl
+from scipy.signal import savgol_filter
+
+from measure import once, peak_memory, seconds
+from rampcast.recording import Recording, clean, concatenate, read_recording
+from rampcast.recording.smoothing import ORDER, WINDOW, smooth_tracks
+from rampcast.scenes import find_neighbours
+from rampcast.simulate import shipped_sample
+
+SAMPLES, TRACK = 4_500_000, 750  # as many rows as I-80 has, in tracks of its mean length
+SLICE = 300  # rows that the loop over frames does
+
+
+def main() -> None:
+    """Prints both comparisons."""
+    smoothing()
+    neighbours()
+
+
+def smoothing() -> None:
+    """Prints the time of smoothing one coordinate of 4.5 million rows."""
+    values = np.random.default_rng(0).normal(size=SAMPLES).cumsum()
+    starts = np.arange(0, SAMPLES, TRACK)
+
+    def track_by_track() -> np.ndarray:
+        return np.concatenate([savgol_filter(track, WINDOW, ORDER) for track in np.split(values, starts[1:])])
+
+    ours, plain = seconds(lambda: smooth_tracks(values, starts), 3), once(track_by_track)
+    difference = np.abs(smooth_tracks(values, starts) - track_by_track()).max()
+    memory = peak_memory(lambda: smooth_tracks(values, starts))
+    print(f"smoothing {SAMPLES:,} samples of {len(starts):,} tracks")
+    print(f"  rampcast {ours:.3f} s, savgol_filter per track {plain:.3f} s: {plain / ours:.1f} times faster")
+    print(f"  largest difference {difference:.1e}; peak memory {memory:+.0f} MB")
+
+
+def neighbours() -> None:
+    """Prints the time of finding six neighbours for every row of the ramp in the shipped simulated recordings."""
+    recording, _ = clean(concatenate([read_recording(path) for path in shipped_sample()]))
+    rows = np.flatnonzero(recording.tracks["lane"].is_in(recording.site.ramp_lanes).to_numpy())
+    some = np.sort(np.random.default_rng(0).choice(rows, SLICE, replace=False))
+    ours = seconds(lambda: find_neighbours(recording, rows), 3) / len(rows)
+    plain = once(lambda: loop_over_frames(recording, some)) / len(some)
+    same = np.array_equal(find_neighbours(recording, some), loop_over_frames(recording, some))
+    memory = peak_memory(lambda: find_neighbours(recording, rows))
+    print(f"\nneighbours of {len(rows):,} ramp rows among {recording.tracks.height:,}")
+    print(
+        f"  rampcast {ours * len(rows):.3f} s; loop over frames {plain * 1e6:.0f} us a row: "
+        f"{plain / ours:,.0f} times faster"
+    )
+    print(f"  same answer: {same}; peak memory {memory:+.0f} MB")
+
+
+def loop_over_frames(recording: Recording, rows: np.ndarray) -> np.ndarray:
+    """Returns what `find_neighbours` does, by filtering the table once for each row."""
+    table = recording.tracks.with_row_index("row")
+    target = recording.site.target_lane
+    found = []
+    for row in rows:
+        me = table.row(int(row), named=True)
+        here = table.filter(
+            (pl.col("recording") == me["recording"]) & (pl.col("frame") == me["frame"]) & (pl.col("row") != row)
+        ).sort("x")
+        own, other = here.filter(pl.col("lane") == me["lane"]), here.filter(pl.col("lane") == target)
+        lists = [
+            own.filter(pl.col("x") >= me["x"])["row"].to_list()[:1],
+            own.filter(pl.col("x") < me["x"])["row"].to_list()[-1:],
+            other.filter(pl.col("x") >= me["x"])["row"].to_list()[:2],
+            other.filter(pl.col("x") < me["x"])["row"].to_list()[::-1][:2],
+        ]
+        found.append([n for part, size in zip(lists, (1, 1, 2, 2), strict=True) for n in (*part, -1, -1)[:size]])
+    return np.array(found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Starting points for a fit of the IDM, from a grid that covers all six parameters at little cost.
+
+The law falls apart into a free part F = 1 - (v / v_d)^delta and an interaction part I = (s_d / s)^2, which depends on A
+and B through A B alone. Given both, a = A (F - I) has the best A in closed form, and the sums of squares of all pairs
+need only products of the table of F with that of I: one matrix product per vehicle rates thousands of points.
+"""
+
+from itertools import product
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from rampcast.models.least_squares import Bounds, States, Vector
+from rampcast.models.unit_cube import to_cube
+from rampcast.physics.engine import jax, jnp
+from rampcast.physics.floors import MINIMUM_GAP, MINIMUM_SPEED
+
+Best = tuple[Array, Array, Array]  # for each I: gain, which F, and A
+
+# Values of the grid, denser where the fits of real drivers lie. Those beyond a range come to its end.
+DESIRED_SPEEDS = (5.0, 6.0, 7.5, 9.5, 12.0, 18.0, 35.0)  # [m/s]
+EXPONENTS = ((0.1, 0.4), (1.0,), (2.5,), (5.0, 10.0))  # [1]; each group gives one start
+STANDING_GAPS = (0.0, 0.06, 0.14, 0.24, 0.4, 0.64, 1.0)  # share of the range
+TIME_HEADWAYS = (0.5, 0.7, 1.0, 1.6, 2.8, 6.0)  # [s]
+SOFTNESSES = (0.5, 0.8, 1.4, 2.4, 5.0)  # sqrt(A B) [m/s^2]
+SMALLEST_SQUARE = 1e-12  # [1]; keeps A finite where F equals I at every step
+
+
+def idm_starts(bounds: Bounds, states: States) -> list[Vector]:
+    """Returns the best point of the grid for each group of exponents, as points of the unit cube.
+
+    Args:
+        bounds: range of each parameter of the IDM.
+        states: see `States`.
+    """
+    gaps = [bounds[0].low + share * (bounds[0].high - bounds[0].low) for share in STANDING_GAPS]
+    interactions = np.array(list(product(gaps, TIME_HEADWAYS, SOFTNESSES)))
+    table = _interaction(interactions, states)
+    starts = []
+    for exponents in EXPONENTS:
+        frees = np.array(list(product(DESIRED_SPEEDS, exponents)))
+        free = _free(frees, states)
+        best_free, best_interaction, acceleration = _best_pair(free, table, interactions[:, 2], bounds, states)
+        desired_speed, exponent = jnp.asarray(frees)[best_free].T
+        gap, headway, softness = jnp.asarray(interactions)[best_interaction].T
+        found = [gap, headway, acceleration, softness**2 / acceleration, desired_speed, exponent]
+        starts.append(to_cube(bounds, found))
+    return starts
+
+
+def _interaction(grid: np.ndarray, states: States) -> Float[Array, "vehicle past interaction"]:
+    """Returns I at every point of the grid, 0 where the weight is 0; single precision is enough to choose."""
+    gap, headway, softness = jnp.asarray(grid.T)
+    speed, leader_speed, room = (row.T[..., None] for row in (states.speed, states.leader_speed, states.gap))
+    wished = gap + headway * speed + speed * (speed - leader_speed) / (2.0 * softness)
+    return ((wished / jnp.maximum(room, MINIMUM_GAP)) ** 2 * states.weight.T[..., None]).astype(jnp.float32)
+
+
+def _free(grid: np.ndarray, states: States) -> Float[Array, "vehicle free past"]:
+    """Returns F at every point of the grid, 0 where the weight is 0."""
+    desired_speed, exponent = jnp.asarray(grid.T)[..., None]
+    relative = jnp.log(jnp.maximum(states.speed.T[:, None, :], MINIMUM_SPEED) / desired_speed)
+    return ((1.0 - jnp.exp(exponent * relative)) * states.weight.T[:, None, :]).astype(jnp.float32)
+
+
+def _best_pair(
+    free: Float[Array, "vehicle free past"],
+    interaction: Float[Array, "vehicle past interaction"],
+    softness: np.ndarray,
+    bounds: Bounds,
+    states: States,
+) -> tuple[Array, Array, Array]:
+    """Returns which F and which I together fit each vehicle best, and their A [m/s^2].
+
+    The loop over F keeps the best F of every I, and only the last line asks for a place among many: a maximum that keeps
+    its place is twenty times as slow as the rest.
+    """
+    observed = (states.acceleration * states.weight).T.astype(jnp.float32)
+    interaction_square = jnp.sum(interaction**2, axis=1)
+    interaction_match = jnp.einsum("vpi,vp->vi", interaction, observed)
+    lowest = np.maximum(bounds[2].low, softness**2 / bounds[3].high).astype(np.float32)
+    highest = np.minimum(bounds[2].high, softness**2 / bounds[3].low).astype(np.float32)
+
+    def better(best: Best, row: tuple[Array, ...]) -> tuple[Best, None]:
+        f, square, match, product = row
+        square = square[:, None] - 2.0 * product + interaction_square
+        match = match[:, None] - interaction_match
+        a = jnp.clip(match / jnp.maximum(square, SMALLEST_SQUARE), lowest, highest)
+        gain = a * (2.0 * match - a * square)
+        wins = gain > best[0]
+        return (jnp.where(wins, gain, best[0]), jnp.where(wins, f, best[1]), jnp.where(wins, a, best[2])), None
+
+    nothing = jnp.zeros_like(interaction_match)
+    rows = (jnp.arange(free.shape[1]), jnp.sum(free**2, axis=2).T, jnp.einsum("vfp,vp->fv", free, observed))
+    start = (nothing - jnp.inf, nothing.astype(int), nothing)
+    (gain, best_free, a), _ = jax.lax.scan(better, start, (*rows, jnp.einsum("vfp,vpi->fvi", free, interaction)))
+    best = jnp.argmax(gain, axis=1)
+    best_free, a = (jnp.take_along_axis(table, best[:, None], axis=1)[:, 0] for table in (best_free, a))
+    return best_free, best, a.astype(float)
