@@ -26,7 +26,7 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/mkdocs build --strict
 
 sample: $(VENV)/.installed-dev
-	$(BIN)/python -m rampcast.simulate.sample
+	$(BIN)/python -m rampcast.simulate sample src/rampcast/simulate/data
 
 clean:
 	rm -rf $(VENV) out site dist

@@ -38,12 +38,12 @@ def step_by_step(model: NeighbourLstm, past: np.ndarray) -> np.ndarray:
 
 
 def _one(model: NeighbourLstm, positions: list[float]) -> list[float]:
-    network, (low, high, out_low, out_high) = model.network, model.scale
+    network, lowest, highest = model.network, model.lowest, model.highest
     units = model.spec.units
     for _ in range(FUTURE):
         origin = positions[-1]
         states = [(np.zeros(units, np.float32), np.zeros(units, np.float32)) for _ in range(2)]
-        for x in positions[-20:]:
+        for x, low, high in zip(positions[-20:], lowest[:20], highest[:20], strict=True):
             value = np.array([2 * (x - origin - low) / (high - low) - 1], np.float32)
             for layer in range(2):
                 states[layer] = _cell(network.encoder[layer], value, states[layer])
@@ -52,7 +52,7 @@ def _one(model: NeighbourLstm, positions: list[float]) -> list[float]:
             states[layer] = _cell(network.decoder[layer], value, states[layer])
             value = states[layer][0]
         unit = float(value @ np.asarray(network.output) + np.asarray(network.offset))
-        positions.append(origin + (unit + 1) / 2 * (out_high - out_low) + out_low)
+        positions.append(origin + (unit + 1) / 2 * (highest[20] - lowest[20]) + lowest[20])
     return positions[20:]
 
 

@@ -2,7 +2,7 @@
 
 Run: python benchmarks/us101_excerpts.py [--data FOLDER] [--out us101.csv]
 The folder (default: RAMPCAST_DATA) holds real/us101_excerpts.csv. The excerpts are split in two halves by their number;
-each half is forecast by a model trained on the other. They last 5 to 17 s, so a second is scored where its truth was seen.
+each half is forecast by a model trained on the other. They last 5 to 17 s: a second is scored where its truth was seen.
 """
 
 import argparse

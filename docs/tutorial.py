@@ -58,12 +58,12 @@ print(f"x moved by {changes.mean_shift_x:.3f} m on average, by {changes.largest_
 # ## 3. Scenes
 #
 # A *scene* is a question: a vehicle on the ramp at some moment `t0`, the last 4 s of it and of its six neighbours,
-# and, for scoring, the next 15 s. Here a scene is made for every on-ramp vehicle at every fifth second. Where no
+# and, for scoring, the next 15 s. Here a scene is made for every on-ramp vehicle at every 15th second. Where no
 # vehicle fills a slot it is marked *virtual*; where the truth was not seen, `future_valid` is False.
 
 # %%
 training, test = smoothed.window("simulated-1"), smoothed.window("simulated-2")
-scenes = build_scenes(test, every=5.0)
+scenes = build_scenes(test, every=15.0)
 seen = scenes.future_valid[:, 0].all(axis=1)  # slot 0 is the central vehicle
 print(f"{len(scenes)} scenes; the next 15 s were seen in {seen.sum()} of them")
 print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.future.shape}")
@@ -78,7 +78,7 @@ print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.
 
 # %%
 lstm = LstmSpec(units=32, epochs=6, batch=128, learning_rate=5e-3, decay=0.7)
-quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=1.0, trees=20)
+quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=2.0, trees=20)
 forecaster = fit_forecaster(training, mode=Mode.CORRECTED, spec=quick)
 print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {forecaster.target.losses[-1]:.4f}")
 
@@ -122,7 +122,7 @@ picture.savefig(out / "forecast.png", dpi=130)
 # that simply keep their speed.
 
 # %%
-result = evaluate(forecaster, test, every=5.0)
+result = evaluate(forecaster, test, every=15.0)
 central = result.tables["longitudinal"].filter(pl.col("group") == "central")
 at_5_s = central.filter(pl.col("horizon") == 5.0).select("model", "n", "within_5", "within_10", "mean_error", "bias")
 print(at_5_s.with_columns(pl.col(pl.Float64).round(2)))

@@ -3,8 +3,8 @@
     make demo
     .venv/bin/python docs/scripts/readme_picture.py out/demo/models/corrected
 
-Typical means: of the scenes of simulated window 2 whose vehicle changes lane 1 to 15 s later and is seen for 15 s, the one whose error
-after 15 s is the median.
+Typical means: of the scenes of simulated window 2 whose vehicle changes lane 1 to 15 s later and is seen for 15 s, the
+one whose error after 15 s is the median.
 """
 
 import sys

@@ -40,7 +40,7 @@ def main() -> None:
     bar = figure.colorbar(lines, ax=axes, label="speed [m/s]", shrink=0.7)
     bar.ax.minorticks_off()
     PICTURE.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(PICTURE, dpi=110)
+    figure.savefig(PICTURE, dpi=80)
 
 
 def simulated_lane() -> pl.DataFrame:

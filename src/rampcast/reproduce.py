@@ -38,7 +38,7 @@ from rampcast.recording.files import write_table, write_whole
 from rampcast.report.report import write_report
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
-DEMO_TRAINING = TrainingSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=10, anchor_spacing=1.0)
+DEMO_TRAINING = TrainingSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=15)
 SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
 FINGERPRINTS = "fingerprints"
 

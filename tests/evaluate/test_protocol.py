@@ -97,7 +97,7 @@ def test_parameter_tables_leave_out_drivers_that_were_not_fitted():
         mse=np.array([0.1, 0.3, np.nan]),
         outcome=np.array([Outcome.CONVERGED, Outcome.AT_BOUND, Outcome.NO_LEADER]),
     )
-    table = parameter_table(law, fit)
+    table = parameter_table(law, fit, Mode.PAPER)
     assert table["n"].to_list() == [2, 2, 2, 2]
     assert table["mean"].to_list() == pytest.approx([2.0, 0.5, 2.0, 0.2])
     assert table["standard_deviation"][0] == pytest.approx(1.0)

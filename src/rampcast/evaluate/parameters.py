@@ -5,6 +5,7 @@ import polars as pl
 
 from rampcast.models.calibration import Calibration, Outcome
 from rampcast.physics.laws import Law
+from rampcast.physics.mode import Mode
 
 SCHEMA = {
     "law": pl.String,
@@ -19,14 +20,14 @@ SCHEMA = {
 }
 
 
-def parameter_table(law: Law, calibration: Calibration) -> pl.DataFrame:
+def parameter_table(law: Law, calibration: Calibration, mode: Mode) -> pl.DataFrame:
     """Returns a row for each parameter, and one for the mean squared error ("mse"), over the drivers that were fitted.
 
-    Columns: law, parameter, unit, low, high (the range of the fit), n, mean, median, standard_deviation.
+    Columns: law, parameter, unit, low, high (the range of the fit in that mode), n, mean, median, standard_deviation.
     """
     fitted = np.isin(calibration.outcome, (Outcome.CONVERGED, Outcome.AT_BOUND))
     ranges = [
-        *((bound.name, bound.unit, bound.low, bound.high) for bound in law.bounds),
+        *((bound.name, bound.unit, bound.low, bound.high) for bound in law.ranges(mode)),
         ("mse", "m^2/s^4", None, None),
     ]
     values = np.column_stack([calibration.parameters, calibration.mse])[fitted]

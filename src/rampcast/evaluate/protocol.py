@@ -60,7 +60,9 @@ def evaluate(forecaster: Forecaster, recording: Recording, *, every: float = 1.0
     forecast = forecaster.predict(scenes)
     tables = {
         "longitudinal": pl.concat([central_errors(scenes, forecast.x), neighbour_errors(scenes, forecast.neighbours)]),
-        "parameters": pl.concat([parameter_table(LAWS[name], fit) for name, fit in forecast.calibrations.items()]),
+        "parameters": pl.concat(
+            [parameter_table(LAWS[name], fit, forecaster.mode) for name, fit in forecast.calibrations.items()]
+        ),
         "outcomes": pl.concat([outcome_table(LAWS[name], fit) for name, fit in forecast.calibrations.items()]),
         "examples": example_scenes(scenes, forecast),
     }

@@ -7,7 +7,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Shaped
 
-from rampcast.physics.engine import blocks, jax, jnp, padded
+from rampcast.physics.engine import jax, jnp, over_blocks
 from rampcast.physics.laws import Law
 from rampcast.physics.leader import Vehicle, actual_leader, gap_to
 from rampcast.physics.mode import Mode
@@ -70,15 +70,11 @@ def roll_out(
         mode: which reading of the paper.
         time_step: T [s].
     """
-    scenes, steps = leader_x.shape
+    if len(x) == 0:
+        return Motion(np.empty_like(leader_x[:, 1:], dtype=float), np.empty_like(leader_x[:, 1:], dtype=float))
+    program = partial(_algorithm_1, law, mode, ramp_end, v_max, time_step)
     own = (parameters, x, v, leader_x, leader_v, leader_length, leader_present)
-    rows = (*own, target_x, target_v, target_length, target_present)
-    motion = Motion(np.empty((scenes, steps - 1)), np.empty((scenes, steps - 1)))
-    for block in blocks(scenes):
-        moved = _algorithm_1(law, mode, *(padded(row, block) for row in rows), ramp_end, v_max, time_step)
-        for whole, part in zip(motion, moved, strict=True):
-            whole[block.start : block.stop] = np.asarray(part)[: block.stop - block.start]
-    return motion
+    return Motion(*over_blocks(program, (*own, target_x, target_v, target_length, target_present)))
 
 
 def follow(
@@ -136,6 +132,9 @@ def _by_step(states: Shaped[Array, "scene *vehicle step"]) -> Float[Array, "step
 def _algorithm_1(
     law: Law,
     mode: Mode,
+    ramp_end: Float[ArrayLike, ""],
+    v_max: Float[ArrayLike, ""],
+    time_step: Float[ArrayLike, ""],
     parameters: Float[ArrayLike, "scene param"],
     x: Float[ArrayLike, "scene"],
     v: Float[ArrayLike, "scene"],
@@ -147,9 +146,6 @@ def _algorithm_1(
     target_v: Float[ArrayLike, "scene target step"],
     target_length: Float[ArrayLike, "scene target"],
     target_present: Bool[ArrayLike, "scene target"],
-    ramp_end: Float[ArrayLike, ""],
-    v_max: Float[ArrayLike, ""],
-    time_step: Float[ArrayLike, ""],
 ) -> tuple[Float[Array, "scene future"], Float[Array, "scene future"]]:
     """Returns positions and speeds after each step; see `roll_out`."""
     record = law.parameters(*jnp.asarray(parameters, dtype=float).T)

@@ -26,6 +26,7 @@ from rampcast.recording.sites import site_from_dict, site_to_dict
 FOLDER_VERSION = 1
 LIBRARIES = ("jax", "equinox", "scikit-learn", "numpy", "polars")
 DESCRIPTION, FORESTS, NETWORK = "model.json", "forests.npz", "network.eqx"
+LSTM_ARRAYS = ("lowest", "highest", "losses")
 
 
 def save(forecaster: Forecaster, folder: Path) -> None:
@@ -68,7 +69,7 @@ def load(folder: Path) -> Forecaster:
 
 def save_lstm(lstm: NeighbourLstm, folder: Path) -> None:
     """Writes a neighbour model as a folder, whole or not at all."""
-    values = {"spec": asdict(lstm.spec), "scale": lstm.scale.tolist(), "losses": lstm.losses.tolist()}
+    values = {"spec": asdict(lstm.spec)} | {name: getattr(lstm, name).tolist() for name in LSTM_ARRAYS}
     with write_whole_folder(folder) as partial:
         _describe(partial, mode=lstm.mode, values=values)
         eqx.tree_serialise_leaves(partial / NETWORK, lstm.network)
@@ -88,8 +89,7 @@ def load_lstm(folder: Path) -> NeighbourLstm:
             spec=spec,
             mode=Mode(values["mode"]),
             network=eqx.tree_deserialise_leaves(folder / NETWORK, blank),
-            scale=np.array(values["scale"], dtype=float),
-            losses=np.array(values["losses"], dtype=float),
+            **{name: np.array(values[name], dtype=float) for name in LSTM_ARRAYS},
         )
 
 

@@ -82,6 +82,8 @@ def detect_layout(name: str, head: bytes) -> Layout:
     text = line.decode("latin-1").strip()
     separator = next((mark for mark in (",", ";", "\t") if mark in text), " ")
     tokens = [token.strip().strip('"') for token in (text.split() if separator in " \t" else text.split(separator))]
+    if not tokens:
+        raise FormatError(f"{name}: no text and no numbers. {ADVICE}")
     if separator == ";":
         raise FormatError(f"{name}, line {blank + 1}: columns separated by semicolons. {ADVICE}")
     if _is_number(tokens[0]):

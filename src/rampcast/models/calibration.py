@@ -9,17 +9,18 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from rampcast.models.idm_starts import idm_starts
-from rampcast.models.least_squares import Bounds, States, Vector, residual, search
+from rampcast.models.least_squares import Vector, search
 from rampcast.models.separable_fit import fit_separable
+from rampcast.models.states import Bounds, States, residual
 from rampcast.models.unit_cube import from_cube, spread_points
-from rampcast.physics.engine import blocks, jax, jnp, padded
+from rampcast.physics.engine import jax, jnp, over_blocks
 from rampcast.physics.laws import Law
 from rampcast.physics.mode import Mode
 
 STARTS = 4
 BLOCK = 512  # one size only: searches that end in different minima by a rounding must not depend on the batch
 GROUP = 32  # points rated for each start
-FIRST_ITERATIONS, LAST_ITERATIONS = 10, 40
+FIRST_ITERATIONS, LAST_ITERATIONS = 20, 40
 LAST_DAMPING = 1e-3
 
 
@@ -73,14 +74,10 @@ def calibrate(
         valid: steps to fit; what the other arrays hold elsewhere does not matter.
         mode: whose ranges: paper mode takes those in print, corrected mode those for a net gap.
     """
-    scenes = len(speed)
-    parameters, mse = np.empty((scenes, len(law.bounds))), np.empty(scenes)
+    if len(speed) == 0:
+        return Calibration(np.empty((0, len(law.bounds))), np.empty(0), np.empty(0, dtype=np.int8))
     rows = (speed, leader_speed, gap, acceleration, valid)
-    for block in blocks(scenes, sizes=(BLOCK,)):
-        fitted, error = _fit(law, mode, *(padded(row, block) for row in rows))
-        keep = block.stop - block.start
-        parameters[block.start : block.stop] = np.asarray(fitted)[:keep]
-        mse[block.start : block.stop] = np.asarray(error)[:keep]
+    parameters, mse = over_blocks(partial(_fit, law, mode), rows, sizes=(BLOCK,))
     low, high = np.array([(bound.low, bound.high) for bound in law.ranges(mode)]).T
     outcome = np.where(((parameters <= low) | (parameters >= high)).any(axis=1), Outcome.AT_BOUND, Outcome.CONVERGED)
     led = (valid & np.isfinite(gap)).sum(axis=1)
@@ -109,16 +106,15 @@ def _fit(
     rows = [jnp.where(kept, jnp.asarray(row, dtype=float).T, 1.0) for row in (speed, leader_speed, gap, acceleration)]
     states = States(rows[0], rows[1], rows[2], rows[3], weight=kept.astype(float))
     bounds = law.ranges(mode)
-    point, cost = (fit_separable if law.factors else fit_from_starts)(law, bounds, states)
+    parameters, cost = (fit_separable if law.factors else fit_from_starts)(law, bounds, states)
     low, high = np.array([(bound.low, bound.high) for bound in bounds]).T
-    parameters = jnp.clip(jnp.stack(from_cube(bounds, point), axis=-1), low, high)
-    return parameters, cost / jnp.maximum(kept.sum(axis=0), 1)
+    return jnp.clip(jnp.stack(parameters, axis=-1), low, high), cost / jnp.maximum(kept.sum(axis=0), 1)
 
 
 def fit_from_starts(law: Law, bounds: Bounds, states: States) -> tuple[Vector, Array]:
-    """Returns the best point on the unit cube and its sum of squares, of searches from several points.
+    """Returns the best parameters and their sum of squares [m^2/s^4], of searches from several points.
 
-    Every start is followed for some steps, and the best of them to the end.
+    Every start is followed for some steps in single precision, at half the cost, and the best of them to the end.
 
     Args:
         law: which car-following law.
@@ -129,13 +125,18 @@ def fit_from_starts(law: Law, bounds: Bounds, states: States) -> tuple[Vector, A
         lambda *each: jnp.stack(each), *FIRST_GUESSES.get(law.name, partial(spread_starts, law))(bounds, states)
     )
 
+    coarse, starts = jax.tree.map(lambda values: values.astype(jnp.float32), (states, starts))
+
     def follow_start(best: tuple[Vector, Array], start: Vector) -> tuple[tuple[Vector, Array], None]:
-        found = search(law, bounds, start, states, iterations=FIRST_ITERATIONS)
+        found = search(partial(residual, law, bounds, states=coarse), start, iterations=FIRST_ITERATIONS)
         return jax.tree.map(partial(jnp.where, found[1] < best[1]), found, best), None
 
     worst = ([jnp.zeros_like(start[0]) for start in starts], jnp.full_like(starts[0][0], jnp.inf))
     (point, _), _ = jax.lax.scan(follow_start, worst, starts)
-    return search(law, bounds, point, states, iterations=LAST_ITERATIONS, damping=LAST_DAMPING)
+    point = [values.astype(float) for values in point]
+    error = partial(residual, law, bounds, states=states)
+    point, cost = search(error, point, iterations=LAST_ITERATIONS, damping=LAST_DAMPING)
+    return from_cube(bounds, point), cost
 
 
 def spread_starts(law: Law, bounds: Bounds, states: States) -> list[Vector]:

@@ -6,11 +6,13 @@ need only products of the table of F with that of I: one matrix product per vehi
 """
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
 
-from rampcast.models.least_squares import Bounds, States, Vector
+from rampcast.models.least_squares import Vector
+from rampcast.models.states import Bounds, States
 from rampcast.models.unit_cube import to_cube
 from rampcast.physics.engine import jax, jnp
 from rampcast.physics.floors import MINIMUM_GAP, MINIMUM_SPEED
@@ -19,32 +21,43 @@ Best = tuple[Array, Array, Array]  # for each I: gain, which F, and A
 
 # Values of the grid, denser where the fits of real drivers lie. Those beyond a range come to its end.
 DESIRED_SPEEDS = (5.0, 6.0, 7.5, 9.5, 12.0, 18.0, 35.0)  # [m/s]
-EXPONENTS = ((0.1, 0.4), (1.0,), (2.5,), (5.0, 10.0))  # [1]; each group gives one start
+EXPONENTS = ((0.1, 0.4, 1.0), (2.5, 5.0, 10.0))  # [1]
 STANDING_GAPS = (0.0, 0.06, 0.14, 0.24, 0.4, 0.64, 1.0)  # share of the range
 TIME_HEADWAYS = (0.5, 0.7, 1.0, 1.6, 2.8, 6.0)  # [s]
-SOFTNESSES = (0.5, 0.8, 1.4, 2.4, 5.0)  # sqrt(A B) [m/s^2]
+SOFTNESSES = (
+    (0.5, 0.8),
+    (1.4, 2.4, 5.0),
+)  # sqrt(A B) [m/s^2]; each pair of a group with one of exponents gives a start
 SMALLEST_SQUARE = 1e-12  # [1]; keeps A finite where F equals I at every step
 
 
+class Pair(NamedTuple):
+    """Which F and which I fit each vehicle best together, and their A [m/s^2]."""
+
+    free: Array
+    interaction: Array
+    acceleration: Array
+
+
 def idm_starts(bounds: Bounds, states: States) -> list[Vector]:
-    """Returns the best point of the grid for each group of exponents, as points of the unit cube.
+    """Returns the best points of four parts of the grid, as points of the unit cube.
 
     Args:
         bounds: range of each parameter of the IDM.
         states: see `States`.
     """
     gaps = [bounds[0].low + share * (bounds[0].high - bounds[0].low) for share in STANDING_GAPS]
-    interactions = np.array(list(product(gaps, TIME_HEADWAYS, SOFTNESSES)))
-    table = _interaction(interactions, states)
     starts = []
-    for exponents in EXPONENTS:
-        frees = np.array(list(product(DESIRED_SPEEDS, exponents)))
-        free = _free(frees, states)
-        best_free, best_interaction, acceleration = _best_pair(free, table, interactions[:, 2], bounds, states)
-        desired_speed, exponent = jnp.asarray(frees)[best_free].T
-        gap, headway, softness = jnp.asarray(interactions)[best_interaction].T
-        found = [gap, headway, acceleration, softness**2 / acceleration, desired_speed, exponent]
-        starts.append(to_cube(bounds, found))
+    for softnesses in SOFTNESSES:
+        interactions = np.array(list(product(gaps, TIME_HEADWAYS, softnesses)))
+        table = _interaction(interactions, states)
+        for exponents in EXPONENTS:
+            frees = np.array(list(product(DESIRED_SPEEDS, exponents)))
+            pair = _best_pair(_free(frees, states), table, interactions[:, 2], bounds, states)
+            desired_speed, exponent = jnp.asarray(frees)[pair.free].T
+            gap, headway, softness = jnp.asarray(interactions)[pair.interaction].T
+            found = [gap, headway, pair.acceleration, softness**2 / pair.acceleration, desired_speed, exponent]
+            starts.append(to_cube(bounds, found))
     return starts
 
 
@@ -69,21 +82,22 @@ def _best_pair(
     softness: np.ndarray,
     bounds: Bounds,
     states: States,
-) -> tuple[Array, Array, Array]:
+) -> Pair:
     """Returns which F and which I together fit each vehicle best, and their A [m/s^2].
 
-    The loop over F keeps the best F of every I, and only the last line asks for a place among many: a maximum that keeps
-    its place is twenty times as slow as the rest.
+    The loop over F keeps the best F of every I, and only the last lines ask for a place among many: a maximum that
+    keeps its place is twenty times as slow as the rest.
     """
     observed = (states.acceleration * states.weight).T.astype(jnp.float32)
+    across = jnp.einsum("vfp,vpi->vfi", free, interaction)
     interaction_square = jnp.sum(interaction**2, axis=1)
     interaction_match = jnp.einsum("vpi,vp->vi", interaction, observed)
     lowest = np.maximum(bounds[2].low, softness**2 / bounds[3].high).astype(np.float32)
     highest = np.minimum(bounds[2].high, softness**2 / bounds[3].low).astype(np.float32)
 
     def better(best: Best, row: tuple[Array, ...]) -> tuple[Best, None]:
-        f, square, match, product = row
-        square = square[:, None] - 2.0 * product + interaction_square
+        f, square, match = row
+        square = square[:, None] - 2.0 * across[:, f] + interaction_square
         match = match[:, None] - interaction_match
         a = jnp.clip(match / jnp.maximum(square, SMALLEST_SQUARE), lowest, highest)
         gain = a * (2.0 * match - a * square)
@@ -91,9 +105,10 @@ def _best_pair(
         return (jnp.where(wins, gain, best[0]), jnp.where(wins, f, best[1]), jnp.where(wins, a, best[2])), None
 
     nothing = jnp.zeros_like(interaction_match)
-    rows = (jnp.arange(free.shape[1]), jnp.sum(free**2, axis=2).T, jnp.einsum("vfp,vp->fv", free, observed))
-    start = (nothing - jnp.inf, nothing.astype(int), nothing)
-    (gain, best_free, a), _ = jax.lax.scan(better, start, (*rows, jnp.einsum("vfp,vpi->fvi", free, interaction)))
+    numbers = jnp.arange(free.shape[1], dtype=jnp.int32)
+    rows = (numbers, jnp.sum(free**2, axis=2).T, jnp.einsum("vfp,vp->fv", free, observed))
+    start = (nothing - jnp.inf, nothing.astype(jnp.int32), nothing)
+    (gain, best_free, a), _ = jax.lax.scan(better, start, rows)
     best = jnp.argmax(gain, axis=1)
     best_free, a = (jnp.take_along_axis(table, best[:, None], axis=1)[:, 0] for table in (best_free, a))
-    return best_free, best, a.astype(float)
+    return Pair(best_free, best, a.astype(float))

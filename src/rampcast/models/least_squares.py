@@ -5,20 +5,17 @@ of such arrays, so that a compiler turns a step of all vehicles into a few long 
 for each vehicle's six by six system would cost more than the whole step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import partial, reduce
 from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
-from rampcast.models.unit_cube import from_cube
 from rampcast.physics.engine import jax, jnp
-from rampcast.physics.laws import Law
-from rampcast.physics.parameters import Range
 
 Vector = list[Array]  # one array over vehicles for each parameter
 Matrix = list[list[Array]]  # lower triangles, row by row
-Bounds = tuple[Range, ...]
+Residual = Callable[[Vector], Float[Array, "sample vehicle"]]
 
 FIRST_DAMPING = 1e-2
 RAISE, LOWER = 3.0, 0.33  # factors on the damping after a step that failed, that lowered the cost
@@ -31,24 +28,6 @@ BOUND_ROUNDS = (
     2  # solutions of the damped system in a step; in each, parameters that left their box are held at its side
 )
 SMALLEST_PIVOT = 1e-30
-
-
-class States(NamedTuple):
-    """What the law is given and what it should return; weight 0 leaves a sample out.
-
-    Attributes:
-        speed: v [m/s].
-        leader_speed: v_m [m/s].
-        gap: s [m].
-        acceleration: observed [m/s^2].
-        weight: 0 or 1.
-    """
-
-    speed: Float[Array, "past vehicle"]
-    leader_speed: Float[Array, "past vehicle"]
-    gap: Float[Array, "past vehicle"]
-    acceleration: Float[Array, "past vehicle"]
-    weight: Float[Array, "past vehicle"]
 
 
 class Quadratic(NamedTuple):
@@ -92,36 +71,20 @@ def solve(matrix: Matrix, right: Vector) -> Vector:
     return result
 
 
-def residual(law: Law, bounds: Bounds, point: Sequence[Array], states: States) -> Float[Array, "past vehicle"]:
-    """Returns forecast minus observed acceleration [m/s^2], 0 where the weight is 0.
-
-    Args:
-        law: which car-following law.
-        bounds: range of each parameter.
-        point: parameters on the unit cube.
-        states: see `States`.
-    """
-    parameters = law.parameters(*from_cube(bounds, point))
-    forecast = law.acceleration(parameters, speed=states.speed, leader_speed=states.leader_speed, gap=states.gap)
-    return (forecast - states.acceleration) * states.weight
-
-
-def quadratic(law: Law, bounds: Bounds, point: Vector, states: States) -> Quadratic:
+def quadratic(residual: Residual, point: Vector) -> Quadratic:
     """Returns the Gauss-Newton model of the sum of squares at `point`.
 
     Each column of the Jacobian is a forward derivative by one parameter, so what does not depend on it costs nothing.
 
     Args:
-        law: which car-following law.
-        bounds: range of each parameter.
+        residual: gives the errors of every sample at a point.
         point: parameters on the unit cube.
-        states: see `States`.
     """
     columns = []
     for k, value in enumerate(point):
 
         def along(moved: Array, k: int = k) -> Array:
-            return residual(law, bounds, [*point[:k], moved, *point[k + 1 :]], states)
+            return residual([*point[:k], moved, *point[k + 1 :]])
 
         error, column = jax.jvp(along, (value,), (jnp.ones_like(value),))
         columns.append(column)
@@ -156,7 +119,7 @@ def _boxed_step(point: Vector, model: Quadratic, damping: Array) -> tuple[Vector
         for z, slope in zip(point, model.gradient, strict=True)
     ]
 
-    def improve(_: int, now: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    def improve(_: Array, now: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
         step, held = now
         pinned = [jnp.where(h, d, 0.0) for h, d in zip(held, step, strict=True)]
         pull = [sum(matrix[max(i, k)][min(i, k)] * pinned[k] for k in range(size) if k != i) for i in range(size)]
@@ -169,7 +132,7 @@ def _boxed_step(point: Vector, model: Quadratic, damping: Array) -> tuple[Vector
     return jax.lax.fori_loop(0, BOUND_ROUNDS, improve, ([jnp.zeros_like(z) for z in point], held))
 
 
-def _bend(law: Law, bounds: Bounds, now: "Search", step: Vector, held: Vector, states: States) -> Vector:
+def _bend(residual: Residual, now: Search, step: Vector, held: Vector) -> Vector:
     """Returns the correction of a step for the curvature of the residual along it: geodesic acceleration.
 
     a = -1/2 (J'J + damping)^-1 J' r'', r'' the second derivative of the residual along the step. It lets the search run
@@ -178,14 +141,14 @@ def _bend(law: Law, bounds: Bounds, now: "Search", step: Vector, held: Vector, s
     """
 
     def along(share: Array) -> Array:
-        return residual(law, bounds, [z + share * d for z, d in zip(now.point, step, strict=True)], states)
+        return residual([z + share * d for z, d in zip(now.point, step, strict=True)])
 
     def slope(share: Array) -> Array:
         return jax.jvp(along, (share,), (jnp.ones_like(share),))[1]
 
     start = jnp.zeros_like(now.damping)
     curvature = jax.jvp(slope, (start,), (jnp.ones_like(start),))[1]
-    _, transposed = jax.vjp(lambda point: residual(law, bounds, point, states), now.point)
+    _, transposed = jax.vjp(residual, now.point)
     (right,) = transposed(curvature)
     right = [jnp.where(h, 0.0, -0.5 * value) for h, value in zip(held, right, strict=True)]
 
@@ -200,32 +163,30 @@ def _bend(law: Law, bounds: Bounds, now: "Search", step: Vector, held: Vector, s
 
 
 def search(
-    law: Law, bounds: Bounds, start: Vector, states: States, *, iterations: int, damping: float = FIRST_DAMPING
+    residual: Residual, start: Vector, *, iterations: int, damping: float = FIRST_DAMPING
 ) -> tuple[Vector, Array]:
     """Returns the point reached from `start` and its sum of squares [m^2/s^4].
 
     Args:
-        law: which car-following law.
-        bounds: range of each parameter.
+        residual: gives the errors of every sample at a point.
         start: parameters on the unit cube.
-        states: see `States`.
         iterations: number of steps tried.
         damping: of the first step.
     """
 
-    def improve(_: int, now: Search) -> Search:
+    def improve(_: Array, now: Search) -> Search:
         step, held = _boxed_step(now.point, now.model, now.damping)
-        bend = _bend(law, bounds, now, step, held, states)
+        bend = _bend(residual, now, step, held)
         point = [
             jnp.clip(z + jnp.clip(d + a, -LONGEST_STEP, LONGEST_STEP), 0.0, 1.0)
             for z, d, a in zip(now.point, step, bend, strict=True)
         ]
-        model = quadratic(law, bounds, point, states)
+        model = quadratic(residual, point)
         better = model.cost < now.model.cost
         point, model = jax.tree.map(partial(jnp.where, better), (point, model), (now.point, now.model))
         damping = jnp.clip(now.damping * jnp.where(better, LOWER, RAISE), SMALLEST_DAMPING, LARGEST_DAMPING)
         return Search(point, model, damping)
 
-    first = quadratic(law, bounds, start, states)
+    first = quadratic(residual, start)
     end = jax.lax.fori_loop(0, iterations, improve, Search(start, first, jnp.full_like(first.cost, damping)))
     return end.point, end.model.cost

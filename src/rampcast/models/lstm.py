@@ -18,6 +18,7 @@ from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 from rampcast.physics import engine
 from rampcast.physics.mode import Mode
 from rampcast.scenes.scenes import PAST
+from rampcast.scenes.windows import WINDOW
 
 BATCHES = (64, 512)  # sizes to which calls are padded, so that a new number of vehicles does not compile again
 PRECISION = np.float32
@@ -101,22 +102,25 @@ class NeighbourLstm:
         spec: hyper-parameters.
         mode: whether it reads absolute positions (paper) or displacements from the last position (corrected).
         network: the weights.
-        scale: lowest and highest input, lowest and highest output in the training set [m]; they map to -1 and 1.
+        lowest, highest: of the 20 inputs and the output in the training set [m]; they map to -1 and 1. Paper mode has
+            one pair for all. Corrected mode has a pair for each: the last displacements, which tell the speed, would
+            vanish beside those of 4 s ago.
         losses: mean Huber loss of each epoch, in scaled units.
     """
 
     spec: LstmSpec
     mode: Mode
     network: Network
-    scale: Float[np.ndarray, "4"]
+    lowest: Float[np.ndarray, "window"]
+    highest: Float[np.ndarray, "window"]
     losses: Float[np.ndarray, "epoch"]
 
     def predict(self, past: Float[np.ndarray, "vehicle past"], *, steps: int) -> Float[np.ndarray, "vehicle step"]:
         """Returns x [m] of the next steps of 0.2 s of vehicles whose x [m] of the last 20 steps is given."""
-        weights = (self.network, jnp.asarray(self.scale))
+        lowest, highest = jnp.asarray(self.lowest), jnp.asarray(self.highest)
 
         def roll(block: engine.Block) -> Float[np.ndarray, "vehicle step"]:
-            rolled = _roll(*weights, self.mode, steps, jnp.asarray(engine.padded(past, block)))
+            rolled = _roll(self.network, lowest, highest, self.mode, steps, jnp.asarray(engine.padded(past, block)))
             return np.asarray(rolled)[: block.stop - block.start]
 
         # XLA runs these small matrix products on one core each, so the blocks are shared out between the cores
@@ -141,10 +145,9 @@ def fit_lstm(
         key: seeds the weights and the order of the samples.
         progress: called after each epoch with (epoch, epochs, loss).
     """
-    inputs, outputs = _displacements(windows, mode)
-    scale = np.array([inputs.min(), inputs.max(), outputs.min(), outputs.max()])
-    scaled_in = _to_unit(inputs, scale[0], scale[1]).astype(PRECISION)
-    scaled_out = _to_unit(outputs, scale[2], scale[3]).astype(PRECISION)
+    shifted = windows - np.asarray(_origin(windows[:, :PAST], mode))
+    lowest, highest = _scale(shifted, mode)
+    scaled = _to_unit(shifted, lowest, highest).astype(PRECISION)
     key, weights_key = jax.random.split(key)
     network = Network(spec.units, key=weights_key)
     batch = min(spec.batch, len(windows))
@@ -155,23 +158,31 @@ def fit_lstm(
     for epoch in range(spec.epochs):
         key, order_key = jax.random.split(key)
         order = jax.random.permutation(order_key, len(windows))[: steps * batch].reshape(steps, batch)
-        network, state, loss = _epoch(optimiser, network, state, scaled_in, scaled_out, order)
+        network, state, loss = _epoch(optimiser, network, state, scaled, order)
         losses.append(float(loss))
         if progress is not None:
             progress(epoch + 1, spec.epochs, losses[-1])
-    return NeighbourLstm(spec=spec, mode=mode, network=network, scale=scale, losses=np.array(losses))
+    return NeighbourLstm(spec=spec, mode=mode, network=network, lowest=lowest, highest=highest, losses=np.array(losses))
 
 
-def _displacements(
-    windows: Float[np.ndarray, "sample step"], mode: Mode
-) -> tuple[Float[np.ndarray, "sample past"], Float[np.ndarray, "sample"]]:
-    origin = windows[:, PAST - 1 : PAST] if mode is Mode.CORRECTED else np.zeros((len(windows), 1))
-    shifted = windows - origin
-    return shifted[:, :PAST], shifted[:, PAST]
+def _origin(past: Float[ArrayLike, "sample past"], mode: Mode) -> Float[Array, "sample 1"]:
+    """Returns what positions are counted from: the last position of each window, or nothing."""
+    last = jnp.asarray(past)[:, -1:]
+    return last if mode is Mode.CORRECTED else jnp.zeros_like(last)
 
 
-def _to_unit(values: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
-    return 2 * (jnp.asarray(values) - low) / (jnp.asarray(high) - low) - 1
+def _scale(
+    shifted: Float[np.ndarray, "sample window"], mode: Mode
+) -> tuple[Float[np.ndarray, "window"], Float[np.ndarray, "window"]]:
+    """Returns the lowest and the highest value of each step of the windows."""
+    if mode is Mode.PAPER:
+        return np.full(WINDOW, shifted.min()), np.full(WINDOW, shifted.max())
+    lowest, highest = shifted.min(axis=0), shifted.max(axis=0)
+    return lowest, np.where(highest > lowest, highest, lowest + 1.0)  # the last displacement is always 0
+
+
+def _to_unit(values: ArrayLike, lowest: ArrayLike, highest: ArrayLike) -> Array:
+    return 2 * (jnp.asarray(values) - lowest) / (jnp.asarray(highest) - lowest) - 1
 
 
 @eqx.filter_jit
@@ -179,16 +190,15 @@ def _epoch(
     optimiser: optax.GradientTransformation,
     network: Network,
     state: optax.OptState,
-    inputs: Float[Array, "sample past"],
-    outputs: Float[Array, "sample"],
+    windows: Float[Array, "sample window"],
     order: Array,
 ) -> tuple[Network, optax.OptState, Float[Array, ""]]:
     """Returns network and optimiser state after one pass over the samples in that order, and the mean loss."""
     dynamic, static = eqx.partition(network, eqx.is_array)
 
     def loss_of(weights: Network, rows: Array) -> Float[Array, ""]:
-        predicted = eqx.combine(weights, static)(inputs[rows])
-        return optax.huber_loss(predicted, outputs[rows]).mean()
+        predicted = eqx.combine(weights, static)(windows[rows, :PAST])
+        return optax.huber_loss(predicted, windows[rows, PAST]).mean()
 
     def step(carry: tuple[Network, optax.OptState], rows: Array) -> tuple[tuple[Network, optax.OptState], Array]:
         weights, inner = carry
@@ -202,15 +212,22 @@ def _epoch(
 
 @eqx.filter_jit
 def _roll(
-    network: Network, scale: Float[Array, "4"], mode: Mode, steps: int, past: Float[Array, "vehicle past"]
+    network: Network,
+    lowest: Float[Array, "window"],
+    highest: Float[Array, "window"],
+    mode: Mode,
+    steps: int,
+    past: Float[Array, "vehicle past"],
 ) -> Float[Array, "vehicle step"]:
     """Returns the next steps [m], each predicted from the 20 before it, predicted ones included."""
 
     def advance(window: Array, _: None) -> tuple[Array, Array]:
-        origin = window[:, -1] if mode is Mode.CORRECTED else jnp.zeros_like(window[:, 0])
-        inputs = _to_unit(window - origin[:, None], scale[0], scale[1]).astype(PRECISION)
+        origin = _origin(window, mode)
+        inputs = _to_unit(window - origin, lowest[:PAST], highest[:PAST]).astype(PRECISION)
         unit = network(inputs).astype(window.dtype)
-        following = origin + (unit + 1) / 2 * (scale[3] - scale[2]) + scale[2]
+        if mode is Mode.CORRECTED:  # no vehicle moves in a step as none did in training: backwards, or ever faster
+            unit = jnp.clip(unit, -1.0, 1.0)
+        following = origin[:, 0] + (unit + 1) / 2 * (highest[PAST] - lowest[PAST]) + lowest[PAST]
         return jnp.concatenate([window[:, 1:], following[:, None]], axis=1), following
 
     _, positions = jax.lax.scan(advance, past, None, length=steps)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Array, Float
 
-from rampcast.physics.engine import jnp
+from rampcast.physics.engine import jax, jnp
 from rampcast.physics.parameters import Range, Scale
 
 # Each scale as a rising function and its inverse.
@@ -17,9 +17,10 @@ _SCALES: dict[Scale, tuple[Callable[[Array], Array], Callable[[Array], Array]]] 
 }
 
 
-def _ends(bound: Range) -> tuple[Array, Array]:
+def _ends(bound: Range) -> tuple[float, float]:
     scale = _SCALES[bound.scale][0]
-    return scale(jnp.asarray(bound.low)), scale(jnp.asarray(bound.high))
+    with jax.ensure_compile_time_eval():  # plain numbers take the precision of the arrays they meet
+        return float(scale(jnp.asarray(bound.low))), float(scale(jnp.asarray(bound.high)))
 
 
 def from_cube(bounds: Sequence[Range], point: Sequence[Array]) -> list[Array]:

@@ -10,16 +10,17 @@ environment variable RAMPCAST_CACHE names, else in the user's cache folder. A fo
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Shaped
+from jaxtyping import Array, Shaped
 
-__all__ = ["BLOCK_SIZES", "Block", "blocks", "cache_folder", "jax", "jnp", "keep_compiled_programs", "padded"]
+__all__ = ["Block", "blocks", "cache_folder", "jax", "jnp", "keep_compiled_programs", "over_blocks", "padded"]
 
 BLOCK_SIZES = (64, 512, 4096)  # batches are padded to one of these, so that few programs are compiled
 COMPILATION_WORTH_KEEPING = 0.1  # [s]; below this, reading the program from disk saves nothing
@@ -50,6 +51,30 @@ def padded(rows: Shaped[np.ndarray, "row *rest"], block: Block) -> Shaped[np.nda
     chosen = rows[block.start : block.stop]
     missing = block.size - len(chosen)
     return chosen if missing == 0 else np.concatenate([chosen, np.repeat(chosen[-1:], missing, axis=0)])
+
+
+def over_blocks(
+    program: Callable[..., tuple[Shaped[Array, "padded *rest"], ...]],
+    rows: Sequence[Shaped[np.ndarray, "row ..."]],
+    *,
+    sizes: tuple[int, ...] = BLOCK_SIZES,
+) -> tuple[Shaped[np.ndarray, "row ..."], ...]:
+    """Returns what a compiled program gives for all rows, having run it block by block, one block a processor core.
+
+    Args:
+        program: takes one array for each of `rows` and returns arrays with as many rows.
+        rows: arrays of equal length, at least one row.
+        sizes: row counts that the program is compiled for.
+    """
+
+    def run(block: Block) -> list[np.ndarray]:
+        return [np.asarray(part)[: block.stop - block.start] for part in program(*(padded(row, block) for row in rows))]
+
+    first, *others = blocks(len(rows[0]), sizes=sizes)
+    parts = [run(first)]  # before the others, so that no two threads compile the same program
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        parts.extend(threads.map(run, others))
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
 def cache_folder() -> Path:

@@ -31,8 +31,8 @@ class Parameters(NamedTuple):
 
 
 # Accelerations and desired speed: the ranges that the paper gives the IDM. Reaction time: 0.3 s to 3 s holds
-# Gipps' 2/3 s and the 1 to 2 s of Newell 2002. Standing gap: from below Gipps' 2 m (s_n = 6.5 m less a car of 4.5 m) to the 30 m of
-# the paper, which holds a gap front to front.
+# Gipps' 2/3 s and the 1 to 2 s of Newell 2002. Standing gap: from below Gipps' 2 m (s_n = 6.5 m less a car of 4.5 m)
+# to the 30 m of the paper, which holds a gap front to front.
 BOUNDS = (
     Range("maximum_acceleration", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
     Range("braking", "m/s^2", 0.5, 5.0, Scale.LOGARITHM),
