@@ -175,7 +175,7 @@ def demo(out: OutFolder = Path("out/demo")) -> None:
     from rampcast.reproduce import reproduce as run
     from rampcast.simulate import shipped_sample
 
-    protocol = Protocol(training=DEMO_TRAINING, every=2.0, command=f"rampcast demo --out {out}")
+    protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=f"rampcast demo --out {out}")
     with terminal.progress() as tell:
         page = run(shipped_sample(), out, protocol=protocol, progress=tell)
     terminal.print_scores(out)

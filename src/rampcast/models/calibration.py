@@ -22,6 +22,7 @@ BLOCK = 512  # one size only: searches that end in different minima by a roundin
 GROUP = 32  # points rated for each start
 FIRST_ITERATIONS, LAST_ITERATIONS = 20, 40
 LAST_DAMPING = 1e-3
+ROUNDING = 1e-9  # share of a range; on a scale and back, an end of it comes out a few roundings inside
 
 
 class Outcome(IntEnum):
@@ -79,6 +80,8 @@ def calibrate(
     rows = (speed, leader_speed, gap, acceleration, valid)
     parameters, mse = over_blocks(partial(_fit, law, mode), rows, sizes=(BLOCK,))
     low, high = np.array([(bound.low, bound.high) for bound in law.ranges(mode)]).T
+    reach = ROUNDING * (high - low)
+    parameters = np.where(parameters < low + reach, low, np.where(parameters > high - reach, high, parameters))
     outcome = np.where(((parameters <= low) | (parameters >= high)).any(axis=1), Outcome.AT_BOUND, Outcome.CONVERGED)
     led = (valid & np.isfinite(gap)).sum(axis=1)
     outcome = np.where(led < len(law.bounds), Outcome.TOO_FEW_POINTS, outcome)
