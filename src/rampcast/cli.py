@@ -1,5 +1,6 @@
 """The command line. Each command calls public functions; everything heavy is imported when a command runs."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,7 @@ from rampcast.physics.mode import Mode
 
 if TYPE_CHECKING:
     from rampcast.forecast.forecaster import TrainingSpec
-    from rampcast.formats import ReadReport
+    from rampcast.formats import BadRows, ReadReport
     from rampcast.recording import Recording, Site
 
 app = typer.Typer(
@@ -79,6 +80,7 @@ def train(
     out: OutFolder,
     mode: Annotated[Mode, typer.Option(help="Which reading of the paper.")] = Mode.CORRECTED,
     site: SiteName = None,
+    skip_bad_rows: SkipBadRows = False,
     epochs: Epochs = 25,
     batch: Batch = 32,
     stride: Stride = 1,
@@ -89,7 +91,7 @@ def train(
     from rampcast.forecast.storage import save
 
     with terminal.progress() as tell:
-        recording = _smoothed(recordings, site)
+        recording = _smoothed(recordings, site, skip_bad_rows)
         spec = _training(epochs, batch, stride, seed)
         save(fit_forecaster(recording, mode=mode, spec=spec, progress=tell), out)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
@@ -104,6 +106,7 @@ def forecast(
     out: OutFolder,
     every: Every = 1.0,
     site: SiteName = None,
+    skip_bad_rows: SkipBadRows = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
 ) -> None:
     """Forecasts every on-ramp vehicle at every anchor time; writes forecast.parquet and lane_change.parquet."""
@@ -113,7 +116,7 @@ def forecast(
 
     with terminal.progress("forecast"):
         forecaster = load(model)
-        result = forecaster.predict(build_scenes(_smoothed([recording], site), every=every))
+        result = forecaster.predict(build_scenes(_smoothed([recording], site, skip_bad_rows), every=every))
         tables = {"forecast": result.position_table(), "lane_change": result.lane_change_table()}
         written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
     terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")
@@ -126,6 +129,7 @@ def evaluate(
     out: OutFolder,
     every: Every = 1.0,
     site: SiteName = None,
+    skip_bad_rows: SkipBadRows = False,
     seed: Seed = 1,
 ) -> None:
     """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
@@ -134,8 +138,8 @@ def evaluate(
 
     with terminal.progress("forecast and score"):
         forecaster = load(model)
-        command = f"rampcast evaluate --model {model} --recording {recording} --out {out} --every {every}"
-        result, page = score(forecaster, _smoothed([recording], site), out, every=every, seed=seed, command=command)
+        smoothed = _smoothed([recording], site, skip_bad_rows)
+        result, page = score(forecaster, smoothed, out, every=every, seed=seed, command=_command())
     terminal.print_errors(result.tables["longitudinal"])
     terminal.say(f"wrote {page}")
 
@@ -152,18 +156,20 @@ def reproduce(
     batch: Batch = 32,
     stride: Stride = 1,
     seed: Seed = 1,
+    skip_bad_rows: SkipBadRows = False,
 ) -> None:
     """Runs the paper's whole protocol in both modes beside the paper's values; resumes after an interruption."""
     from rampcast.reproduce import Protocol, find_files
     from rampcast.reproduce import reproduce as run
 
-    command = f"rampcast reproduce --data {data} --out {out} --site {site}"
-    protocol = Protocol(training=_training(epochs, batch, stride, seed), every=every, command=command)
-    found = find_files(data)
+    protocol = Protocol(training=_training(epochs, batch, stride, seed), every=every, command=_command())
+    found = find_files(data, without=out)
     for reason in found.left_out.values():
         terminal.say(f"left out {reason}")
     with terminal.progress() as tell:
-        page = run(found.files, out, protocol=protocol, site=_site(site), progress=tell)
+        page = run(
+            found.files, out, protocol=protocol, site=_site(site), bad_rows=_bad_rows(skip_bad_rows), progress=tell
+        )
     terminal.print_scores(out)
     terminal.say(f"wrote {page}")
 
@@ -175,7 +181,7 @@ def demo(out: OutFolder = Path("out/demo")) -> None:
     from rampcast.reproduce import reproduce as run
     from rampcast.simulate import shipped_sample
 
-    protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=f"rampcast demo --out {out}")
+    protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=_command())
     with terminal.progress() as tell:
         page = run(shipped_sample(), out, protocol=protocol, progress=tell)
     terminal.print_scores(out)
@@ -212,7 +218,7 @@ def main() -> None:
     """Runs the command line; a user's mistake is one message and exit code 2."""
     try:
         app()
-    except RampcastError as error:
+    except (RampcastError, OSError) as error:  # an OSError names the path: no such folder, no right to write, disk full
         terminal.complain(str(error))
         sys.exit(2)
 
@@ -224,17 +230,33 @@ def _site(name: str | None) -> "Site | None":
 
 
 def _read(files: list[Path], site: str | None, skip_bad_rows: bool = False) -> "tuple[Recording, ReadReport]":
-    from rampcast.formats import BadRows, read_any
+    from rampcast.formats import read_any
 
-    return read_any(files, site=_site(site), bad_rows=BadRows.SKIP if skip_bad_rows else BadRows.RAISE)
+    return read_any(files, site=_site(site), bad_rows=_bad_rows(skip_bad_rows))
 
 
-def _smoothed(files: list[Path], site: str | None) -> "Recording":
-    """Returns the recording in the files, smoothed unless it was written so."""
+def _bad_rows(skip: bool) -> "BadRows":
+    from rampcast.formats import BadRows
+
+    return BadRows.SKIP if skip else BadRows.RAISE
+
+
+def _smoothed(files: list[Path], site: str | None, skip_bad_rows: bool) -> "Recording":
+    """Returns the recording in the files, smoothed unless it is already; prints what that left out or changed."""
     from rampcast.recording import clean
 
-    recording, _ = _read(files, site)
-    return recording if recording.is_smoothed else clean(recording)[0]
+    recording, report = _read(files, site, skip_bad_rows)
+    terminal.print_reading(report)
+    if recording.is_smoothed:
+        return recording
+    smoothed, changes = clean(recording)
+    terminal.print_cleaning(changes)
+    return smoothed
+
+
+def _command() -> str:
+    """Returns what the user called."""
+    return shlex.join(["rampcast", *sys.argv[1:]])
 
 
 def _training(epochs: int, batch: int, stride: int, seed: int) -> "TrainingSpec":

@@ -29,12 +29,13 @@ from rampcast.forecast.forecaster import (
     recording_hash,
 )
 from rampcast.forecast.storage import load_forests, load_lstm, save, save_forests, save_lstm, versions
-from rampcast.formats import read_any, why_not
+from rampcast.formats import BadRows, read_any, why_not
 from rampcast.models.lstm import LstmSpec, NeighbourLstm
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, Site, clean, concatenate, read_recording, write_recording
 from rampcast.recording.files import write_table, write_whole
+from rampcast.recording.sites import site_to_dict
 from rampcast.report.report import write_report
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
@@ -68,6 +69,7 @@ def reproduce(
     *,
     protocol: Protocol,
     site: Site | None = None,
+    bad_rows: BadRows = BadRows.RAISE,
     progress: Progress | None = None,
 ) -> Path:
     """Runs the protocol and writes models, tables, figures and report.html to a folder; returns the report's path.
@@ -77,6 +79,7 @@ def reproduce(
         out: the folder; what an earlier run finished there is taken over.
         protocol: how to train and score.
         site: the geometry; None tells it by the files' content.
+        bad_rows: whether a malformed row is an error or is skipped and counted.
         progress: called as (what, done, total).
 
     Raises:
@@ -84,7 +87,7 @@ def reproduce(
     """
     out, tell = Path(out), progress or _silent
     started = time.perf_counter()
-    recording = _smoothed(files, out, site, tell)
+    recording = _smoothed(files, out, site, bad_rows, tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
     test = _window(recording, TEST_WINDOW)
     results: dict[Mode, Evaluation] = {}
@@ -110,6 +113,7 @@ def reproduce(
         counts,
         command=protocol.command,
         every=protocol.every,
+        seed=protocol.training.seed,
         seconds=time.perf_counter() - started,
     )
     tell("report", 0, 1)
@@ -125,15 +129,21 @@ class Found(NamedTuple):
     left_out: dict[Path, str]
 
 
-def find_files(folder: Path) -> Found:
+def find_files(folder: Path, *, without: Path | None = None) -> Found:
     """Returns the files in a folder, and below it, that are recordings by their beginning, and those that are not.
+
+    Args:
+        folder: where to look.
+        without: a folder below it that is not looked into, such as that of the results.
 
     Raises:
         RecordingError: the folder is not there or holds none.
     """
     if not Path(folder).is_dir():
         raise RecordingError(f"{folder}: there is no such folder; give the folder that holds the NGSIM files")
-    named = sorted(path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
+    below = (path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
+    own = without.resolve() if without else None
+    named = sorted(path for path in below if own is None or own not in path.resolve().parents)
     reasons = {path: why_not(path) for path in named}
     files = [path for path, reason in reasons.items() if reason is None]
     left_out = {path: reason for path, reason in reasons.items() if reason is not None}
@@ -163,24 +173,26 @@ def score(
         run_counts(recording, result.scenes),
         command=command,
         every=every,
+        seed=seed,
         seconds=time.perf_counter() - started,
     )
     return result, _written(result.tables, run, forecaster.site, out)
 
 
-def _smoothed(files: Sequence[Path], out: Path, site: Site | None, tell: Progress) -> Recording:
+def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: BadRows, tell: Progress) -> Recording:
     stamps = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in map(Path, files)]
+    inputs = [stamps, site_to_dict(site) if site else None, bad_rows.value]
     path = out / "recording.parquet"
 
     def make() -> Recording:
         tell("read and smooth the recordings", 0, 1)
-        recording, report = read_any(files, site=site)
+        recording, report = read_any(files, site=site, bad_rows=bad_rows)
         smoothed, cleaning = clean(recording)
         with write_whole(out / "reading.json") as partial:
             partial.write_text(json.dumps({"read": report.to_dict(), "cleaned": asdict(cleaning)}, indent=2))
         return smoothed
 
-    recording = _kept(out, "recording", stamps, path, make, write_recording, read_recording)
+    recording = _kept(out, "recording", inputs, path, make, write_recording, read_recording)
     tell("read and smooth the recordings", 1, 1)
     return recording
 
@@ -197,7 +209,12 @@ def _window(recording: Recording, number: str) -> Recording:
 
 
 def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec, tell: Progress) -> Forecaster:
-    inputs = {"data": recording_hash(recording), "mode": mode, "spec": asdict(spec)}
+    inputs = {
+        "data": recording_hash(recording),
+        "site": site_to_dict(recording.site),
+        "mode": mode,
+        "spec": asdict(spec),
+    }
     parts = folder.with_name(f"{folder.name}-parts")
 
     def lstm(lane: str) -> NeighbourLstm:
@@ -251,13 +268,14 @@ def _run_record(
     *,
     command: str,
     every: float,
+    seed: int,
     seconds: float,
 ) -> dict[str, Any]:
     first = forecasters[0]
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": command,
-        "seed": first.training.seed,
+        "seed": seed,
         "data_hash": first.data_hash,
         "test_data_hash": recording_hash(test),
         "source": test.source,

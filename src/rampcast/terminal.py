@@ -1,5 +1,6 @@
 """What the command line shows: progress bars, tables, errors. Progress and errors go to stderr, results to stdout."""
 
+import dataclasses
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from rampcast.forecast.forecaster import Progress as Tell
     from rampcast.formats import ReadReport
+    from rampcast.recording import CleaningReport
     from rampcast.recording.quality import Quality
 
 output = Console()
@@ -66,6 +68,13 @@ def print_reading(report: "ReadReport") -> None:
     say(", ".join(f"{name.replace('_', ' ')}: {value:,}" for name, value in counts.items()))
     for row in report.skipped:
         say(f"  skipped {row}")
+
+
+def print_cleaning(report: "CleaningReport") -> None:
+    """Prints what smoothing left out, filled and moved."""
+    counts = {name: value for name, value in dataclasses.asdict(report).items() if isinstance(value, int) and value}
+    say("smoothing: " + ", ".join(f"{name.replace('_', ' ')}: {value:,}" for name, value in counts.items()))
+    say(f"  x moved by {report.mean_shift_x:.3f} m on average, by {report.largest_shift_x:.2f} m at most")
 
 
 def print_quality(quality: "Quality") -> None:

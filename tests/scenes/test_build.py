@@ -136,6 +136,23 @@ def test_the_future_of_the_recording_does_not_reach_the_past_of_a_scene(recordin
         np.testing.assert_array_equal(getattr(same, name), getattr(cut_scenes, name))
 
 
+def test_a_filled_frame_is_no_truth_and_no_anchor(recording):
+    """The same recording, of which every fourth row is said to have been filled."""
+    filled = recording.tracks["frame"] % 4 == 0
+    holed = replace(recording, tracks=recording.tracks.with_columns(observed=~filled))
+    found = build_scenes(holed, every=0.2)
+    moment = np.round(found.t0 / STEP).astype(int)
+    assert (moment % 4 != 0).all()
+    of_future = moment[:, None] + np.arange(1, FUTURE + 1)
+    assert not found.future_valid[:, CENTRAL][of_future % 4 == 0].any()
+    assert found.future_valid[:, CENTRAL][of_future % 4 == 1].any()
+
+
+def test_a_vehicle_that_was_never_right_of_the_line_has_crossed_it_already(recording):
+    left = replace(recording, tracks=recording.tracks.with_columns(y=pl.lit(SITE.lane_centre(6))))
+    assert (build_scenes(left, every=1.0).change_crossing <= 0).all()
+
+
 def test_training_windows_are_gapless_and_stay_in_their_lanes(recording):
     windows = training_windows(recording, [6])
     count = 0

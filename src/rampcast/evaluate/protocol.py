@@ -12,7 +12,7 @@ from rampcast.evaluate.examples import example_scenes
 from rampcast.evaluate.lane_change import lane_change_table
 from rampcast.evaluate.longitudinal import central_errors, neighbour_errors
 from rampcast.evaluate.parameters import outcome_table, parameter_table
-from rampcast.forecast.forecaster import READINGS, Forecast, Forecaster
+from rampcast.forecast.forecaster import READINGS, Forecast, Forecaster, window_hashes
 from rampcast.models.forest_sets import Reading, lane_change_anchors
 from rampcast.models.forests import importance_table, training_table
 from rampcast.physics.laws import LAWS
@@ -51,7 +51,10 @@ def evaluate(forecaster: Forecaster, recording: Recording, *, every: float = 1.0
     Raises:
         RecordingError: a window of the recording was trained on, or it holds no scene.
     """
-    leaked = sorted(set(recording.names) & set(forecaster.trained_on))
+    hashes = zip(recording.names, window_hashes(recording), strict=True)
+    leaked = sorted(
+        name for name, found in hashes if name in forecaster.trained_on or found in forecaster.window_hashes
+    )
     if leaked:
         raise RecordingError(
             f"the windows {leaked} were used to train this model, so a score on them says nothing; evaluate on others"

@@ -21,6 +21,7 @@ from rampcast.models.lstm import LstmSpec, NeighbourLstm, fit_lstm
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, Site
+from rampcast.recording import columns as c
 from rampcast.scenes import FUTURE, STEP, build_scenes, training_windows
 from rampcast.scenes.scenes import CENTRAL, Scenes
 from rampcast.scenes.stand_ins import with_stand_ins
@@ -62,6 +63,7 @@ class Forecaster:
         training: how it was trained.
         trained_on: names of the windows it was trained on.
         data_hash: SHA-256 of their tracks.
+        window_hashes: SHA-256 of the tracks of each of them, whatever its name.
     """
 
     mode: Mode
@@ -72,6 +74,7 @@ class Forecaster:
     training: TrainingSpec
     trained_on: tuple[str, ...]
     data_hash: str
+    window_hashes: tuple[str, ...]
 
     def predict(self, scenes: Scenes, *, models: Sequence[str] = tuple(MODELS), steps: int = FUTURE) -> "Forecast":
         """Returns the forecast for every scene: positions by each model, and lane-change probabilities.
@@ -82,8 +85,13 @@ class Forecaster:
             steps: how many steps of 0.2 s to forecast.
 
         Raises:
-            ModelError: a model is unknown.
+            ModelError: a model is unknown, or the scenes are of another site.
         """
+        if scenes.site.name != self.site.name:
+            raise ModelError(
+                f"this model was trained at site '{self.site.name}', the scenes are of site '{scenes.site.name}'; its "
+                "lane-change forests know positions on the road, so train a model of that site"
+            )
         unknown = [name for name in models if name not in MODELS]
         if unknown:
             raise ModelError(f"unknown models {unknown}; there are {', '.join(MODELS)}")
@@ -232,6 +240,7 @@ def assemble(
         training=spec,
         trained_on=tuple(recording.names),
         data_hash=recording_hash(recording),
+        window_hashes=window_hashes(recording),
     )
 
 
@@ -244,6 +253,15 @@ def recording_hash(recording: Recording) -> str:
         digest.update(name.encode())
         digest.update(np.ascontiguousarray(numbers.to_numpy()).tobytes())
     return digest.hexdigest()
+
+
+def window_hashes(recording: Recording) -> tuple[str, ...]:
+    """Returns the SHA-256 of the tracks of each window, without its name."""
+    unnamed = pl.lit("")
+    return tuple(
+        recording_hash(replace(window, tracks=window.tracks.with_columns(unnamed.alias(c.RECORDING))))
+        for window in map(recording.window, recording.names)
+    )
 
 
 def _silent(what: str, done: int, total: int) -> None:

@@ -30,14 +30,20 @@ LSTM_ARRAYS = ("lowest", "highest", "losses")
 
 
 def save(forecaster: Forecaster, folder: Path) -> None:
-    """Writes a model folder, whole or not at all: model.json, forests.npz, and a folder for each neighbour model."""
+    """Writes a model folder, whole or not at all: model.json, forests.npz, and a folder for each neighbour model.
+
+    Raises:
+        ModelError: something else than a model is there.
+    """
     description = {
         "versions": versions(),
         "site": site_to_dict(forecaster.site),
         "training": asdict(forecaster.training),
         "trained_on": forecaster.trained_on,
         "data_hash": forecaster.data_hash,
+        "window_hashes": forecaster.window_hashes,
     }
+    _check_replaceable(folder)
     with write_whole_folder(folder) as partial:
         _describe(partial, mode=forecaster.mode, values=description)
         for lane in LANES:
@@ -64,7 +70,14 @@ def load(folder: Path) -> Forecaster:
             training=TrainingSpec(lstm=LstmSpec(**training.pop("lstm")), **training),
             trained_on=tuple(values["trained_on"]),
             data_hash=str(values["data_hash"]),
+            window_hashes=tuple(values["window_hashes"]),
         )
+
+
+def _check_replaceable(folder: Path) -> None:
+    """Refuses to replace a folder of other things."""
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file()):
+        raise ModelError(f"{folder}: this is not a model folder and would be lost; name a new folder, or an empty one")
 
 
 def save_lstm(lstm: NeighbourLstm, folder: Path) -> None:

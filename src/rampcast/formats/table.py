@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import polars as pl
+
 from rampcast.errors import FormatError, RecordingError
 from rampcast.formats.ngsim import read_ngsim
 from rampcast.formats.ngsim_layout import detect_layout
@@ -11,6 +13,7 @@ from rampcast.formats.ngsim_site import guess_ngsim_site, looks_like_ngsim
 from rampcast.formats.report import BadRows, ReadReport
 from rampcast.formats.sources import open_source, read_chunks
 from rampcast.recording import Recording, Site, concatenate, read_recording
+from rampcast.recording.recording import METADATA_KEY
 
 Reader = Callable[[Sequence[Path], Site | None, BadRows], tuple[Recording, ReadReport]]
 PARQUET_MAGIC = b"PAR1"
@@ -98,7 +101,7 @@ def _format_of(paths: Sequence[Path], name: str | None) -> Format:
 def why_not(path: Path) -> str | None:
     """Returns why a file cannot be a recording, told by its beginning; None if it can."""
     if _is_parquet(path):
-        return None
+        return None if METADATA_KEY in pl.read_parquet_metadata(path) else f"{path}: a parquet file of another kind"
     try:
         with open_source(path) as (name, stream):
             detect_layout(name, next(read_chunks(name, stream), b""))

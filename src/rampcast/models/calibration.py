@@ -106,6 +106,7 @@ def _fit(
 ) -> tuple[Float[Array, "scene param"], Float[Array, "scene"]]:
     """Returns parameters and mean squared error."""
     kept = jnp.asarray(valid).T
+    leader_speed = jnp.where(jnp.isinf(gap), speed, leader_speed)  # what it holds without a leader does not matter
     rows = [jnp.where(kept, jnp.asarray(row, dtype=float).T, 1.0) for row in (speed, leader_speed, gap, acceleration)]
     states = States(rows[0], rows[1], rows[2], rows[3], weight=kept.astype(float))
     bounds = law.ranges(mode)

@@ -21,13 +21,10 @@ Best = tuple[Array, Array, Array]  # for each I: gain, which F, and A
 
 # Values of the grid, denser where the fits of real drivers lie. Those beyond a range come to its end.
 DESIRED_SPEEDS = (5.0, 6.0, 7.5, 9.5, 12.0, 18.0, 35.0)  # [m/s]
-EXPONENTS = ((0.1, 0.4, 1.0), (2.5, 5.0, 10.0))  # [1]
-STANDING_GAPS = (0.0, 0.06, 0.14, 0.24, 0.4, 0.64, 1.0)  # share of the range
-TIME_HEADWAYS = (0.5, 0.7, 1.0, 1.6, 2.8, 6.0)  # [s]
-SOFTNESSES = (
-    (0.5, 0.8),
-    (1.4, 2.4, 5.0),
-)  # sqrt(A B) [m/s^2]; each pair of a group with one of exponents gives a start
+EXPONENTS = ((0.1, 0.4, 1.0), (2.5, 5.0, 10.0))  # [1]; each of these groups with each of softnesses gives a start
+STANDING_GAPS = (0.0, 0.03, 0.08, 0.14, 0.24, 0.4, 0.64, 1.0)  # share of the range
+TIME_HEADWAYS = (0.5, 0.6, 0.8, 1.2, 2.0, 4.0, 6.0)  # [s]
+SOFTNESSES = ((0.5, 0.7, 1.0), (1.5, 2.2, 3.5, 5.0))  # sqrt(A B) [m/s^2]
 SMALLEST_SQUARE = 1e-12  # [1]; keeps A finite where F equals I at every step
 
 

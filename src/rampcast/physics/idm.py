@@ -89,7 +89,7 @@ def acceleration(
     Args:
         parameters: see `Parameters`.
         speed: v [m/s]; below `MINIMUM_SPEED` the power takes `MINIMUM_SPEED`, as 0^0 has no derivative.
-        leader_speed: v_m [m/s]; any number where the gap is infinite.
+        leader_speed: v_m [m/s]; any finite number where the gap is infinite.
         gap: s [m]; infinite for free driving; below `MINIMUM_GAP` it counts as `MINIMUM_GAP`.
     """
     relative = jnp.maximum(speed, MINIMUM_SPEED) / jnp.asarray(parameters.desired_speed)

@@ -23,6 +23,7 @@ class _Table:
     frame: Int[np.ndarray, "row"]
     lane: Int[np.ndarray, "row"]
     length: Float[np.ndarray, "row"]
+    observed: Bool[np.ndarray, "row"]  # False where a skipped frame was filled
     state: Float[np.ndarray, "row feature"]
 
 
@@ -78,6 +79,7 @@ def _assemble(
     standing = stand_ins(recording.site, table.lane[anchors])
     past_rows, past_valid = _follow(table, filled, np.arange(1 - PAST, 1))
     future_rows, future_valid = _follow(table, filled, np.arange(1, future + 1))
+    future_valid &= table.observed[future_rows]  # a filled frame is no truth to score against
     history = anchors[:, None] + np.arange(1 - PAST, 1)
     role_rows = np.concatenate([history[:, :, None], neighbours[history]], axis=2).swapaxes(1, 2)
     role_virtual = role_rows == NONE
@@ -117,6 +119,7 @@ def _table(recording: Recording) -> _Table:
         frame=tracks[c.FRAME].to_numpy().astype(np.int64),
         lane=tracks[c.LANE].to_numpy().astype(np.int64),
         length=tracks[c.LENGTH].to_numpy().astype(np.float64),
+        observed=tracks[c.OBSERVED].to_numpy(),
         state=tracks.select(FEATURES).to_numpy(),
     )
 
@@ -130,14 +133,17 @@ def _ramp_rows(recording: Recording) -> Int[np.ndarray, "ramp"]:
 
 
 def _anchors(table: _Table, ramp_rows: Int[np.ndarray, "ramp"], site: Site, spacing: int) -> Int[np.ndarray, "scene"]:
-    """Returns the rows that end `PAST` gapless rows of one vehicle in a ramp lane, on the common clock of anchors."""
+    """Returns the rows that end `PAST` gapless rows of one vehicle in a ramp lane, on the common clock of anchors.
+
+    A skipped frame may be filled in the history, as in the paper, but not at the anchor itself.
+    """
     on_ramp = np.isin(table.lane, site.ramp_lanes)
     left = np.concatenate([[0], np.cumsum(~on_ramp)])
     ends = ramp_rows[ramp_rows >= PAST - 1]
     starts = ends - (PAST - 1)
     whole = (table.track[starts] == table.track[ends]) & (table.frame[ends] - table.frame[starts] == PAST - 1)
     stayed = left[ends + 1] == left[starts]
-    return ends[whole & stayed & (table.frame[ends] % spacing == 0)]
+    return ends[whole & stayed & table.observed[ends] & (table.frame[ends] % spacing == 0)]
 
 
 def _follow(
@@ -176,19 +182,19 @@ def _lane_change_times(
     from which the vehicle stays to the left of it; that may lie before the anchor (a time of 0 or less).
     """
     last_row = np.append(np.flatnonzero(np.diff(table.track)), len(table.track) - 1)
-    end = last_row[np.searchsorted(last_row, anchors)]
+    track = np.searchsorted(last_row, anchors)
+    end, begin = last_row[track], np.append(0, last_row + 1)[track]
     changed = np.flatnonzero(table.lane == site.target_lane)
     label_row = _first_at_or_after(changed, anchors, end)
     right = np.flatnonzero(table.state[:, Y] < site.lane_line_y(table.state[:, X]))
     before = np.searchsorted(right, end, side="right") - 1
     last_right = np.where(before >= 0, right[np.maximum(before, 0)], NONE) if len(right) else np.full_like(end, NONE)
-    crossing_row = np.where(last_right < end, last_right + 1, NONE)
-    known = (crossing_row != NONE) & (table.track[np.maximum(crossing_row, 0)] == table.track[anchors])
+    crossing_row = np.maximum(last_right + 1, begin)  # a track that was never to the right has crossed already
 
     def since(row: Int[np.ndarray, "scene"], found: Bool[np.ndarray, "scene"]) -> Float[np.ndarray, "scene"]:
-        return np.where(found, (table.frame[np.maximum(row, 0)] - table.frame[anchors]) * STEP, np.nan)
+        return np.where(found, (table.frame[np.where(found, row, 0)] - table.frame[anchors]) * STEP, np.nan)
 
-    return since(label_row, label_row != NONE), since(crossing_row, known), since(end, end >= 0)
+    return since(label_row, label_row != NONE), since(crossing_row, crossing_row <= end), since(end, end >= 0)
 
 
 def _first_at_or_after(

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from rampcast.recording import Site
+from rampcast.recording.smoothing import STEP as STEP  # a scene's step is that of a smoothed recording
 
-STEP = 0.2  # [s]; the paper, section "Data Set"
 PAST = 20  # steps of history, the last of them at t = 0; the paper: 4 s
 FUTURE = 75  # steps of horizon; the paper: 15 s
 
@@ -49,7 +49,7 @@ class Scenes:
         role_virtual: whether no vehicle filled the slot at that step.
         role_length: its length [m]; 0 where virtual.
         future: the states after t = 0 of the vehicles that fill the slots at t = 0; NaN where `future_valid` is False.
-        future_valid: whether that vehicle was seen at that step; False from the first unseen step on is not implied.
+        future_valid: whether that vehicle was seen at that step; False in a skipped frame too, though it was filled.
         change_label: time from t = 0 to the change of lane label [s]; NaN if none was seen.
         change_crossing: time from t = 0 to the crossing of the lane line [s]; NaN if none was seen.
         seen_for: time from t = 0 to the last row of the central vehicle [s] (censoring).
