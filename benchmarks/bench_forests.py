@@ -5,6 +5,9 @@ Reach: one vehicle 20 times faster than scikit-learn's own calls, 10,000 vehicle
 Both ways run in one process on the same trees; scikit-learn with its default of one thread.
 """
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 from sklearn.ensemble import RandomForestClassifier

@@ -51,7 +51,7 @@ def _one(model: NeighbourLstm, positions: list[float]) -> list[float]:
         for layer in range(2):
             states[layer] = _cell(network.decoder[layer], value, states[layer])
             value = states[layer][0]
-        unit = float(value @ np.asarray(network.output) + np.asarray(network.offset))
+        unit = min(max(float(value @ np.asarray(network.output) + np.asarray(network.offset)), -1.0), 1.0)
         positions.append(origin + (unit + 1) / 2 * (highest[20] - lowest[20]) + lowest[20])
     return positions[20:]
 

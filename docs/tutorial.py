@@ -85,8 +85,9 @@ print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM:
 # %% [markdown]
 # ## 5. Predict
 #
-# `predict` never sees the future: it is taken out of the scenes before any model gets them. The result holds a
-# position for every model at every 0.2 s, and the probability of a lane change *within* and *at* each second.
+# `predict` gets no future: it is taken out of the scenes before any model gets them. (The smoothing has looked 1 s
+# ahead; the methods page, section 2, says how much that helps.) The result holds a position for every model at every
+# 0.2 s, and the probability of a lane change *within* and *at* each second.
 
 # %%
 forecast = forecaster.predict(scenes)

@@ -10,7 +10,7 @@ from rampcast.errors import RecordingError
 from rampcast.forecast.forecaster import TrainingSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.mode import Mode
-from rampcast.recording import Recording, concatenate, load_site, read_recording
+from rampcast.recording import Recording, concatenate, load_site, read_recording, write_recording
 from rampcast.reproduce import Protocol, find_files, paper_values, reproduce
 from rampcast.simulate import shipped_sample
 from tests.ngsim_writer import gzipped, write_ngsim_txt, write_portal_csv, zipped
@@ -108,6 +108,22 @@ def test_a_part_made_from_other_inputs_is_made_again(from_text, monkeypatch):
     with pytest.raises(ZeroDivisionError):
         reproduce(find_files(data).files, out, protocol=changed, site=SITE)
     assert again
+
+
+def test_another_geometry_makes_every_part_again(from_text, monkeypatch):
+    data, out = from_text
+    read = []
+    monkeypatch.setattr("rampcast.reproduce.read_any", lambda *_a, **_k: read.append(1) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        reproduce(find_files(data).files, out, protocol=PROTOCOL, site=replace(SITE, ramp_end=SITE.ramp_end - 5))
+    assert read
+
+
+def test_results_below_the_data_are_not_taken_for_recordings(recording, tmp_path):
+    write_ngsim_txt(recording.window("simulated-1"), tmp_path)
+    write_recording(recording, tmp_path / "out" / "recording.parquet")
+    assert len(find_files(tmp_path).files) == 2
+    assert [path.suffix for path in find_files(tmp_path, without=tmp_path / "out").files] == [".txt"]
 
 
 def test_a_missing_window_is_named(recording, tmp_path):

@@ -60,6 +60,13 @@ def test_a_window_that_was_trained_on_is_refused(forecaster, recording):
         evaluate(forecaster, replace(recording, tracks=tracks))
 
 
+def test_a_trained_window_under_another_name_is_refused_too(forecaster):
+    trained = clean(random_traffic(9, vehicles=40))[0]
+    renamed = replace(trained, tracks=trained.tracks.with_columns(recording=pl.lit("i80-2")))
+    with pytest.raises(RecordingError, match="used to train this model"):
+        evaluate(forecaster, renamed)
+
+
 def test_an_evaluation_holds_every_table_with_its_mode(evaluation):
     assert set(evaluation.tables) == {
         "longitudinal",

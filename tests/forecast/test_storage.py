@@ -1,6 +1,7 @@
 """Saving and loading a forecaster."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from rampcast.forecast.forecaster import TrainingSpec, fit_forecaster
 from rampcast.forecast.storage import load, save
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.mode import Mode
-from rampcast.recording import clean
+from rampcast.recording import clean, load_site
 from rampcast.scenes import build_scenes
 from tests.traffic import random_traffic
 
@@ -93,3 +94,16 @@ def test_an_interrupted_save_leaves_the_old_folder_whole(folder, forecaster, mon
         save(forecaster, folder)
     assert load(folder).data_hash == forecaster.data_hash
     assert [path.name for path in folder.parent.iterdir()] == ["model"]
+
+
+def test_a_folder_of_other_things_is_not_replaced(tmp_path, forecaster):
+    (tmp_path / "results.csv").write_text("precious")
+    with pytest.raises(ModelError, match="not a model folder and would be lost"):
+        save(forecaster, tmp_path)
+    assert (tmp_path / "results.csv").read_text() == "precious"
+
+
+def test_scenes_of_another_site_are_refused(forecaster, recording):
+    scenes = build_scenes(recording, every=5.0)
+    with pytest.raises(ModelError, match="trained at site 'i80', the scenes are of site 'us101'"):
+        forecaster.predict(replace(scenes, site=load_site("us101")))

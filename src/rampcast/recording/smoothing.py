@@ -56,6 +56,9 @@ class CleaningReport:
 def clean(recording: Recording) -> tuple[Recording, CleaningReport]:
     """Returns the recording smoothed and sampled at 0.2 s, with v, u, a, e, and what that changed.
 
+    The filter is centred: a state knows of the second that follows it. To forecast without that, cut the recording at
+    the moment of the forecast first; docs/methods.md, section 2, says how much it matters.
+
     Source: method page, section 3; the paper, section "Data Set".
 
     Raises:
