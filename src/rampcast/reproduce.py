@@ -90,23 +90,13 @@ def reproduce(
     recording = _smoothed(files, out, site, bad_rows, tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
     test = _window(recording, TEST_WINDOW)
-    results: dict[Mode, Evaluation] = {}
-    forecasters: list[Forecaster] = []
+    forecasters, results = [], {}
     for mode in protocol.modes:
-        forecaster = _trained(training, out / "models" / mode, mode, protocol.training, tell)
-        forecasters.append(forecaster)
+        forecasters.append(_trained(training, out / "models" / mode, mode, protocol.training, tell))
         tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
-        results[mode] = evaluate(forecaster, test, every=protocol.every, seed=protocol.training.seed)
+        results[mode] = evaluate(forecasters[-1], test, every=protocol.every, seed=protocol.training.seed)
         tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
-    tables = {
-        name: pl.concat([result.tables[name] for result in results.values()])
-        for name in next(iter(results.values())).tables
-    }
-    counts = {
-        f"{mode} mode: {name}": n
-        for mode, result in results.items()
-        for name, n in run_counts(test, result.scenes).items()
-    }
+    tables, counts = _side_by_side(results, test)
     run = _run_record(
         forecasters,
         test,
@@ -195,6 +185,18 @@ def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: Bad
     recording = _kept(out, "recording", inputs, path, make, write_recording, read_recording)
     tell("read and smooth the recordings", 1, 1)
     return recording
+
+
+def _side_by_side(results: dict[Mode, Evaluation], test: Recording) -> tuple[dict[str, pl.DataFrame], dict[str, int]]:
+    """Returns the tables of all modes one below the other, and the counts of each."""
+    names = next(iter(results.values())).tables
+    tables = {name: pl.concat([result.tables[name] for result in results.values()]) for name in names}
+    counts = {
+        f"{mode} mode: {name}": n
+        for mode, result in results.items()
+        for name, n in run_counts(test, result.scenes).items()
+    }
+    return tables, counts
 
 
 def _window(recording: Recording, number: str) -> Recording:

@@ -57,15 +57,15 @@ def central_errors(scenes: Scenes, forecasts: Mapping[str, Float[np.ndarray, "sc
     return pl.concat(tables)
 
 
-def neighbour_errors(scenes: Scenes, predicted: NeighbourForecast) -> pl.DataFrame:
-    """Returns `position_errors` of the neighbour models, on the ramp and in the target lane."""
+def neighbour_errors(scenes: Scenes, predicted: NeighbourForecast, *, model: str = "lstm") -> pl.DataFrame:
+    """Returns `position_errors` of predicted neighbours, on the ramp and in the target lane, under a model's name."""
     tables = []
     for group, slots in (("ramp_neighbour", [LEADER, FOLLOWER]), ("target_neighbour", list(TARGET_SLOTS))):
         steps = scenes.future.shape[2]
         x = predicted.x[:, slots, 1:].reshape(-1, steps)
         observed = scenes.future[..., X][:, slots].reshape(-1, steps)
         valid = scenes.future_valid[:, slots].reshape(-1, steps)
-        tables.append(_labelled(position_errors(x, observed, valid), group, "lstm"))
+        tables.append(_labelled(position_errors(x, observed, valid), group, model))
     return pl.concat(tables)
 
 

@@ -13,6 +13,7 @@ from rampcast.evaluate.lane_change import lane_change_table
 from rampcast.evaluate.longitudinal import central_errors, neighbour_errors
 from rampcast.evaluate.parameters import outcome_table, parameter_table
 from rampcast.forecast.forecaster import READINGS, Forecast, Forecaster, window_hashes
+from rampcast.forecast.neighbours import continue_at_constant_speed
 from rampcast.models.forest_sets import Reading, lane_change_anchors
 from rampcast.models.forests import importance_table, training_table
 from rampcast.physics.laws import LAWS
@@ -61,8 +62,14 @@ def evaluate(forecaster: Forecaster, recording: Recording, *, every: float = 1.0
         )
     scenes = test_scenes(recording, forecaster.mode, every=every, seed=seed)
     forecast = forecaster.predict(scenes)
+    at_constant_speed = continue_at_constant_speed(scenes, steps=FUTURE)
+    longitudinal = [
+        central_errors(scenes, forecast.x),
+        neighbour_errors(scenes, forecast.neighbours),
+        neighbour_errors(scenes, at_constant_speed, model="constant_velocity"),
+    ]
     tables = {
-        "longitudinal": pl.concat([central_errors(scenes, forecast.x), neighbour_errors(scenes, forecast.neighbours)]),
+        "longitudinal": pl.concat(longitudinal),
         "parameters": pl.concat(
             [parameter_table(LAWS[name], fit, forecaster.mode) for name, fit in forecast.calibrations.items()]
         ),
