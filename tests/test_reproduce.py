@@ -126,6 +126,15 @@ def test_results_below_the_data_are_not_taken_for_recordings(recording, tmp_path
     assert [path.suffix for path in find_files(tmp_path, without=tmp_path / "out").files] == [".txt"]
 
 
+def test_parquet_files_of_another_kind_and_damaged_ones_are_left_out(recording, tmp_path):
+    write_ngsim_txt(recording.window("simulated-1"), tmp_path)
+    pl.DataFrame({"a": [1]}).write_parquet(tmp_path / "other.parquet")
+    (tmp_path / "damaged.parquet").write_bytes(b"PAR1 and nothing more")
+    found = find_files(tmp_path)
+    assert [path.suffix for path in found.files] == [".txt"]
+    assert sorted(path.name for path in found.left_out) == ["damaged.parquet", "other.parquet"]
+
+
 def test_a_missing_window_is_named(recording, tmp_path):
     write_ngsim_txt(recording.window("simulated-1"), tmp_path / "data")
     with pytest.raises(RecordingError, match="window 3 of site 'simulated' is missing"):

@@ -100,11 +100,13 @@ def _format_of(paths: Sequence[Path], name: str | None) -> Format:
 
 def why_not(path: Path) -> str | None:
     """Returns why a file cannot be a recording, told by its beginning; None if it can."""
-    if _is_parquet(path):
-        return None if METADATA_KEY in pl.read_parquet_metadata(path) else f"{path}: a parquet file of another kind"
     try:
+        if _is_parquet(path):
+            return None if METADATA_KEY in pl.read_parquet_metadata(path) else f"{path}: a parquet file of another kind"
         with open_source(path) as (name, stream):
             detect_layout(name, next(read_chunks(name, stream), b""))
     except FormatError as error:
         return str(error)
+    except pl.exceptions.PolarsError as error:
+        return f"{path}: a damaged parquet file ({error})"
     return None
