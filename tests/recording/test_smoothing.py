@@ -119,3 +119,15 @@ def test_a_time_step_that_does_not_divide_the_sampling_is_refused():
     odd = Recording(tracks=recording.tracks, site=SITE, time_step=0.04 * 0.9, source="ngsim")
     with pytest.raises(RecordingError, match="divides"):
         clean(odd)
+
+
+def test_smoothing_looks_ahead_twelve_raw_frames_and_no_further():
+    """Half the filter's window and one frame for each derivative: 1.2 s at 10 Hz, as docs/methods.md says."""
+    x = np.random.default_rng(0).normal(8, 1, 120).cumsum()
+    whole, _ = clean(recording_of(np.arange(120), x))
+    early, _ = clean(recording_of(np.arange(80), x[:80]))
+    last_sure = (79 - (WINDOW // 2 + 2)) // 2  # in steps of 0.2 s
+    for name in (c.X, c.V, c.A):
+        one, other = whole.tracks[name].to_numpy(), early.tracks[name].to_numpy()
+        np.testing.assert_allclose(one[: last_sure + 1], other[: last_sure + 1], atol=1e-9)
+        assert abs(one[39] - other[39]) > 1e-6  # the state at the cut does know of what follows

@@ -116,7 +116,10 @@ def test_anchors_of_a_finer_spacing_contain_those_of_a_coarser_one(recording, sc
 
 
 def test_the_future_of_the_recording_does_not_reach_the_past_of_a_scene(recording):
-    """Rows after the anchor are thrown away: all that a model may see stays the same."""
+    """Smoothed rows after the anchor are thrown away: all that a model may see stays the same.
+
+    That the smoothing itself looks ahead, and how far, is pinned in tests/recording/test_smoothing.py.
+    """
     cut = 100
     whole = build_scenes(recording, every=0.2)
     early = replace(recording, tracks=recording.tracks.filter(pl.col("frame") <= cut))

@@ -6,7 +6,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from rampcast.physics.engine import jnp
-from rampcast.physics.kinematics import front_gap, net_gap
+from rampcast.physics.gap import front_gap, net_gap
 from rampcast.physics.mode import Mode
 
 

@@ -25,7 +25,6 @@ BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#767676"
-PALE = "#E8E8E8"
 
 PANEL_WIDTH = 4.8  # [inch] two fit side by side on a page of 1,000 px, one fills a phone
 PANEL_HEIGHT = 2.75  # [inch] of the axes with their labels; title and legend come on top

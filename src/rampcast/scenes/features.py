@@ -15,7 +15,6 @@ NEIGHBOURS: Final = SLOTS[CENTRAL + 1 :]
 # Neighbours first, slot by slot, the central vehicle last. A neighbour's x is |x_n - x_i| and its y is y_n - y_i.
 FEATURE_NAMES: Final = tuple(f"{slot}.{kind}" for slot in (*NEIGHBOURS, SLOTS[CENTRAL]) for kind in FEATURES)
 
-VEHICLE_GROUPS: Final = ("central", "ramp", "target")
 
 FEATURE_KIND: Final = tuple(name.split(".")[1] for name in FEATURE_NAMES)
 FEATURE_VEHICLE: Final = tuple(

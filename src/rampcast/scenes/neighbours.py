@@ -6,10 +6,8 @@ from jaxtyping import Int
 
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.scenes.scenes import SLOTS
 
 NONE = -1  # in an array of row numbers: no such vehicle
-NEIGHBOUR_SLOTS = SLOTS[1:]
 
 
 def on_ramp_vehicles(recording: Recording) -> pl.DataFrame:
@@ -19,7 +17,7 @@ def on_ramp_vehicles(recording: Recording) -> pl.DataFrame:
 
 
 def find_neighbours(recording: Recording, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "row neighbour"]:
-    """Returns the row of each of the six neighbours of those rows, in the order of `NEIGHBOUR_SLOTS`; `NONE` if absent.
+    """Returns the row of each of the six neighbours of those rows, in the order of `SLOTS`; `NONE` if absent.
 
     Leader and follower are sought in the vehicle's own lane, the other four in the site's target lane, by front
     position and at the same frame. A vehicle abreast (equal x) in the target lane counts as ahead.
