@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rampcast.errors import FormatError, RampcastError, RecordingError
 from rampcast.formats import FORMATS, BadRows, read_any, read_ngsim
 from rampcast.formats import ngsim as reader
+from rampcast.formats.head import look
 from rampcast.recording import columns as c
 from rampcast.recording import load_site, write_recording
 from tests.formats.ngsim_rows import NAMES, START_16_00, START_17_00, START_17_15, START_US101, csv, portal, row, text
@@ -237,7 +238,7 @@ def test_read_any_says_what_is_wrong_with_its_arguments(tmp_path):
         ([], {}, "at least one file"),
         ([tmp_path / "none.txt"], {}, "there is no such file"),
         ([tmp_path], {}, "this is a folder"),
-        ([good], {"format": "highd"}, "no format 'highd'; known formats: rampcast, ngsim"),
+        ([good], {"format": "nonsense"}, "no format 'nonsense'; known formats: rampcast, ngsim"),
         ([mixed], {}, "of several sites: i80, us101.*--site"),
         ([ancient], {}, "cannot tell the site; its times and Location tell of none"),
         ([good, tmp_path / "own.parquet"], {}, "expected files of one format"),
@@ -250,7 +251,7 @@ def test_read_any_says_what_is_wrong_with_its_arguments(tmp_path):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_refuses_an_empty_file_with_its_own_kind_of_error(name, tmp_path):
     path = saved(tmp_path, b"")
-    assert not FORMATS[name].detect(path)
+    assert FORMATS[name].misses(look(path))
     with pytest.raises(RampcastError, match=r"file\.txt"):
         read_any([path], format=name, site=I80)
 

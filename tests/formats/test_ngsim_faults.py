@@ -167,7 +167,9 @@ def _zip(path: Path, names: list[str]) -> None:
 def test_archives_that_do_not_hold_one_file_or_are_damaged_are_refused(tmp_path):
     path = tmp_path / "archive"
     _zip(path, ["readme.pdf"])
-    with pytest.raises(FormatError, match=r"expected one \.txt or \.csv file in the archive, found none"):
+    with pytest.raises(
+        FormatError, match=r"expected one \.txt, \.csv, \.json or \.xml file in the archive, found none"
+    ):
         read_ngsim([path], site=I80)
     _zip(path, ["a.txt", "b.csv"])
     with pytest.raises(FormatError, match=r"found 2: a\.txt, b\.csv\. Unpack it"):

@@ -4,8 +4,8 @@ Source: US Department of Transportation, Next Generation Simulation, data set 8e
 """
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,17 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats import ngsim_windows as clocks
-from rampcast.formats.ngsim_layout import BYTE_ORDER_MARK, Layout, detect_layout
+from rampcast.formats.head import BYTE_ORDER_MARK
+from rampcast.formats.ngsim_layout import Layout, detect_layout
 from rampcast.formats.ngsim_rows import METRES_PER_FOOT, Parsed, Rules, parse_chunk, parse_lines, rules_of
 from rampcast.formats.report import MOST_LISTED, BadRow, BadRows, ReadReport
-from rampcast.formats.sources import open_source, read_chunks
+from rampcast.formats.sources import open_source, parse_ahead, read_chunks
+from rampcast.formats.unique import sorted_unique
 from rampcast.recording import Recording, Site
 from rampcast.recording import columns as c
 
 SOURCE = "ngsim"
 TIME_STEP = 0.1  # [s]
-WORKERS = 2  # chunks parsed at the same time; more cost memory
 SHORTEST_CAR = 8.0  # [ft] the shortest car sold is 8.2 ft (2.5 m)
 
 
@@ -94,30 +95,21 @@ def _parse(
     name: str, first: bytes, chunks: Iterator[bytes], layout: Layout, rules: Rules, styles: dict[str, str]
 ) -> Iterator[Parsed]:
     """Yields the chunks parsed in order, in metres: fast, and line by line where that finds anything wrong."""
+
+    def fast(chunk: bytes) -> Parsed | None:
+        return _parse_fast(_without_lines(chunk, layout.header_lines if chunk is first else 0), layout, rules)
+
     line = 1
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for chunk, future in _ahead(pool, first, chunks, layout, rules):
-            parsed = future.result()
-            header = layout.header_lines if line == 1 else 0
-            if parsed is None or any(styles.get(key, style) != style for key, style in parsed.styles.items()):
-                body = _without_lines(chunk, header)
-                slow = parse_lines(body, layout, rules, file=name, first_line=line + header, styles=styles)
-                parsed = replace(slow, rows=_to_metres(slow.rows))
-            styles.update(parsed.styles)
-            line += parsed.lines + header
-            yield parsed
-
-
-def _ahead(
-    pool: ThreadPoolExecutor, first: bytes, chunks: Iterator[bytes], layout: Layout, rules: Rules
-) -> Iterator[tuple[bytes, Future[Parsed | None]]]:
-    """Yields chunks with their parsing under way, never more than `WORKERS` + 1 of them held."""
-    waiting = [(first, pool.submit(_parse_fast, _without_lines(first, layout.header_lines), layout, rules))]
-    for chunk in chunks:
-        waiting.append((chunk, pool.submit(_parse_fast, chunk, layout, rules)))
-        if len(waiting) > WORKERS:
-            yield waiting.pop(0)
-    yield from waiting
+    for chunk, found in parse_ahead(chain([first], chunks), fast):
+        parsed = found
+        header = layout.header_lines if line == 1 else 0
+        if parsed is None or any(styles.get(key, style) != style for key, style in parsed.styles.items()):
+            body = _without_lines(chunk, header)
+            slow = parse_lines(body, layout, rules, file=name, first_line=line + header, styles=styles)
+            parsed = replace(slow, rows=_to_metres(slow.rows))
+        styles.update(parsed.styles)
+        line += parsed.lines + header
+        yield parsed
 
 
 def _parse_fast(chunk: bytes, layout: Layout, rules: Rules) -> Parsed | None:
@@ -199,7 +191,7 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
     clocks.check_site(report.files[0], table, site)
     parts, duplicates, conflicts, slips, outside = [], 0, 0, 0, 0
     for window, part in clocks.split_windows(rows, table, site.window_bounds()).items():
-        part, removed, differing = _sorted_unique(part)
+        part, removed, differing = sorted_unique(part)
         duplicates, conflicts = duplicates + removed, conflicts + differing
         slips += _slips(part)
         outside += part.height if window == clocks.OUTSIDE else 0
@@ -217,20 +209,6 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
     )
     parts.sort(key=lambda part: str(part[c.RECORDING][0]))
     return Recording(tracks=pl.concat(parts), site=site, time_step=TIME_STEP, source=SOURCE), report
-
-
-def _sorted_unique(rows: pl.DataFrame) -> tuple[pl.DataFrame, int, int]:
-    """Returns the first row of each vehicle and frame, sorted; how many were removed; how many of these differ."""
-    key = [c.VEHICLE, c.FRAME]
-    order = rows[c.VEHICLE].to_numpy().astype(np.int64) << 32 | rows[c.FRAME].to_numpy()
-    steps = np.diff(order)
-    if (steps > 0).all():  # the text files are sorted: nothing to do
-        return rows, 0, 0
-    rows = rows.sort(key, maintain_order=True)
-    unique = rows.unique(key, keep="first", maintain_order=True)
-    removed = rows.height - unique.height
-    differing = rows.unique([*key, c.X, c.Y, c.LANE]).height - unique.height if removed else 0
-    return unique, removed, differing
 
 
 def _slips(rows: pl.DataFrame) -> int:

@@ -4,6 +4,7 @@ import difflib
 from dataclasses import dataclass
 
 from rampcast.errors import FormatError
+from rampcast.formats.head import BYTE_ORDER_MARK, Head
 
 # Source: the data dictionary of the NGSIM I-80 and US-101 data sets.
 TXT_COLUMNS = (
@@ -31,7 +32,6 @@ WHOLE_NUMBERS = ("vehicle_id", "frame_id", "global_time", "v_class", "lane_id")
 LOCATION = "location"
 ARTERIAL_COLUMNS = 24  # the text of Lankershim and Peachtree has six columns more, in the middle of the row
 HEAD = 64 << 10  # [bytes] enough for any header and first row
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # some programs write it before the first letter
 
 ADVICE = (
     "Expected an NGSIM file of a freeway: 18 columns of numbers separated by spaces, or a csv with a header that names "
@@ -89,6 +89,17 @@ def detect_layout(name: str, head: bytes) -> Layout:
     if _is_number(tokens[0]):
         return _without_header(name, blank, tokens, " " if separator == "\t" else separator)
     return _with_header(name, blank, tokens, " " if separator == "\t" else separator)
+
+
+def misses_ngsim(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be one of NGSIM's forms; None if nothing."""
+    if head.is_parquet:
+        return "a parquet file, not text"
+    try:
+        detect_layout(head.name, head.text)
+    except FormatError as error:
+        return str(error).removeprefix(head.name).removesuffix(ADVICE).strip(",:. ")
+    return None
 
 
 def _without_header(name: str, blank: int, tokens: list[str], separator: str) -> Layout:

@@ -7,22 +7,12 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.ngsim_layout import HEAD, LOCATION, Layout, detect_layout
+from rampcast.formats.ngsim_layout import LOCATION, Layout, detect_layout
 from rampcast.formats.ngsim_windows import sites_of_times
 from rampcast.formats.sources import open_source, read_chunks
 from rampcast.recording import Site, load_site, site_names
 
 LOOKED_AT = 100  # rows whose times are looked at
-
-
-def looks_like_ngsim(path: Path) -> bool:
-    """Returns whether a file begins as one of NGSIM's forms does."""
-    try:
-        with open_source(path) as (name, stream):
-            detect_layout(name, next(read_chunks(name, stream, size=HEAD), b""))
-    except FormatError:
-        return False
-    return True
 
 
 def guess_ngsim_site(paths: Sequence[Path]) -> Site:

@@ -1,7 +1,9 @@
 """What reading found: rows read, removed and skipped, and what to do with a row that is not as its format says."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
 from enum import Enum
+from itertools import chain
 from typing import Any
 
 MOST_LISTED = 100  # bad rows listed one by one in a report; all are counted
@@ -16,15 +18,19 @@ class BadRows(Enum):
 
 @dataclass(frozen=True)
 class BadRow:
-    """A row that is not as its format says. `line` and `column` count from 1; column 0 is the whole row."""
+    """A row that is not as its format says. `line` and `column` count from 1; column 0 is the whole row.
+
+    `counted` says what `line` counts: lines of a text, rows of a parquet file, vehicles of a json array.
+    """
 
     file: str
     line: int
     column: int
     reason: str
+    counted: str = "line"
 
     def __str__(self) -> str:
-        place = f"{self.file}, line {self.line}" + (f", column {self.column}" if self.column else "")
+        place = f"{self.file}, {self.counted} {self.line}" + (f", column {self.column}" if self.column else "")
         return f"{place}: {self.reason}"
 
 
@@ -44,6 +50,10 @@ class ReadReport:
         rows_outside_windows: rows that lie in no recorded window; they are kept under the site's name alone.
         clock_slips: rows whose Frame_ID and Global_Time do not advance together since the vehicle's previous row.
         grouped_numbers: numbers written with thousands separators ("1,234.5"), as the portal does.
+        rows_off_road: rows left out because they lie on no lane of the site, as those of the opposite carriageway.
+        rows_without_lane: rows kept beside the site's lanes, with lane 0.
+        sizes_filled: rows whose length or width was missing or zero and is now that of their kind.
+        vehicles_renumbered: vehicles whose id was no whole number and is now one, in the order of the old ids.
         rows: rows of the recording.
     """
 
@@ -58,8 +68,21 @@ class ReadReport:
     rows_outside_windows: int = 0
     clock_slips: int = 0
     grouped_numbers: int = 0
+    rows_off_road: int = 0
+    rows_without_lane: int = 0
+    sizes_filled: int = 0
+    vehicles_renumbered: int = 0
     rows: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the report as plain values, for json."""
         return asdict(self)
+
+
+def join_reports(reports: Sequence[ReadReport]) -> ReadReport:
+    """Returns what reading all of them found: counts are added, lists joined."""
+    sums: dict[str, Any] = {}
+    for one in fields(ReadReport):
+        values = [getattr(report, one.name) for report in reports]
+        sums[one.name] = tuple(chain(*values)) if isinstance(values[0], tuple) else sum(values)
+    return ReadReport(**(sums | {"skipped": sums["skipped"][:MOST_LISTED]}))

@@ -3,11 +3,12 @@
 import gzip
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from io import BufferedIOBase
 from pathlib import Path, PurePosixPath
-from typing import cast
+from typing import TypeVar, cast
 
 from rampcast.errors import FormatError
 
@@ -15,8 +16,11 @@ CHUNK = 8 << 20  # [bytes] measured: larger chunks are no faster and cost memory
 LONGEST_LINE = 64 << 10  # [bytes] a row of NGSIM has some 200
 GZIP_MAGIC = b"\x1f\x8b"
 ZIP_MAGIC = b"PK"
-DATA_SUFFIXES = (".txt", ".csv")
+DATA_SUFFIXES = (".txt", ".csv", ".json", ".xml")
+WORKERS = 2  # chunks parsed at the same time; more cost memory
 DAMAGED = (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, NotImplementedError)
+
+Parsed = TypeVar("Parsed")
 
 
 @contextmanager
@@ -62,6 +66,31 @@ def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iter
         yield chunk
 
 
+def read_start(name: str, stream: BufferedIOBase, *, size: int) -> bytes:
+    """Returns the first `size` bytes of the stream.
+
+    Raises:
+        FormatError: the archive is damaged.
+    """
+    try:
+        return stream.read(size)
+    except DAMAGED as error:
+        raise FormatError(f"{name}: the archive is damaged or cut off ({error}); get the file again") from error
+
+
+def parse_ahead(chunks: Iterator[bytes], parse: Callable[[bytes], Parsed]) -> Iterator[tuple[bytes, Parsed]]:
+    """Yields each chunk and what parsing it gave, in order, with the next ones under way; few are held at a time."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        waiting: list[tuple[bytes, Future[Parsed]]] = []
+        for chunk in chunks:
+            waiting.append((chunk, pool.submit(parse, chunk)))
+            if len(waiting) > WORKERS:
+                done, future = waiting.pop(0)
+                yield done, future.result()
+        for done, future in waiting:
+            yield done, future.result()
+
+
 def _zip_member(path: Path, raw: BufferedIOBase) -> Iterator[tuple[str, BufferedIOBase]]:
     try:
         archive = zipfile.ZipFile(raw)
@@ -72,7 +101,7 @@ def _zip_member(path: Path, raw: BufferedIOBase) -> Iterator[tuple[str, Buffered
         if len(names) != 1:
             found = "none" if not names else f"{len(names)}: {', '.join(names[:5])}"
             raise FormatError(
-                f"{path}: expected one .txt or .csv file in the archive, found {found}. "
+                f"{path}: expected one {_either(DATA_SUFFIXES)} file in the archive, found {found}. "
                 "Unpack it and name the files to read"
             )
         try:
@@ -81,6 +110,10 @@ def _zip_member(path: Path, raw: BufferedIOBase) -> Iterator[tuple[str, Buffered
             raise FormatError(f"{path}: {names[0]} cannot be unpacked ({error})") from error
         with stream:
             yield f"{path}: {names[0]}", cast(BufferedIOBase, stream)
+
+
+def _either(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _is_data(name: str) -> bool:

@@ -1,7 +1,7 @@
 """Recordings: one table of trajectories in SI units, the site it was made at, and its cleaning."""
 
 from rampcast.recording.recording import Recording, concatenate, read_recording, write_recording
-from rampcast.recording.sites import Lane, Note, Site, Window, load_site, site_names
+from rampcast.recording.sites import Lane, Note, Site, Window, load_site, site_names, write_site
 from rampcast.recording.smoothing import CleaningReport, clean
 
 __all__ = [
@@ -17,4 +17,5 @@ __all__ = [
     "read_recording",
     "site_names",
     "write_recording",
+    "write_site",
 ]

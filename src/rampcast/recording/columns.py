@@ -18,6 +18,9 @@ U = "u"  # lateral velocity [m/s]
 A = "a"  # longitudinal acceleration [m/s^2]
 E = "e"  # lateral acceleration [m/s^2]
 
+RECORDED_V = "recorded_v"  # speed as the source gives it [m/s]; only to check against the derived one
+RECORDED_A = "recorded_a"  # longitudinal acceleration as the source gives it [m/s^2]; likewise
+
 KINDS = ("motorcycle", "car", "truck")
 
 SCHEMA: dict[str, pl.DataType] = {
@@ -31,6 +34,9 @@ SCHEMA: dict[str, pl.DataType] = {
     WIDTH: pl.Float32(),
     KIND: pl.Enum(KINDS),
 }
+
+# A raw recording may have these as well; smoothing leaves them out.
+OPTIONAL_SCHEMA: dict[str, pl.DataType] = {RECORDED_V: pl.Float32(), RECORDED_A: pl.Float32()}
 
 SMOOTHED_SCHEMA: dict[str, pl.DataType] = SCHEMA | {
     OBSERVED: pl.Boolean(),

@@ -23,8 +23,8 @@ class Recording:
     """Trajectories of one site.
 
     Attributes:
-        tracks: one row per (recording, vehicle, frame), sorted by that key; columns of `columns.SCHEMA`, and of
-            `columns.SMOOTHED_SCHEMA` once smoothed.
+        tracks: one row per (recording, vehicle, frame), sorted by that key; columns of `columns.SCHEMA`, of
+            `columns.SMOOTHED_SCHEMA` once smoothed, and before that maybe some of `columns.OPTIONAL_SCHEMA`.
         site: the geometry.
         time_step: time between two frames [s]; the time of a row is frame * time_step.
         source: where it came from, e.g. "ngsim" or "simulated".
@@ -76,7 +76,7 @@ def concatenate(recordings: Sequence[Recording]) -> Recording:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise RecordingError(f"the windows {twice} are given twice; give each recording once")
-    tracks = pl.concat([recording.tracks for recording in recordings]).sort(KEY)
+    tracks = pl.concat([recording.tracks for recording in recordings], how="diagonal").sort(KEY)
     sources = sorted({recording.source for recording in recordings})
     return replace(first, tracks=tracks, source="+".join(sources))
 

@@ -3,6 +3,7 @@
 A site is a TOML file. The shipped ones lie in ``site_data``; a user's own is given by its path, no code is touched.
 """
 
+import math
 import tomllib
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
@@ -11,20 +12,29 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
+import tomli_w
 from jaxtyping import Float
 
 from rampcast.errors import SiteError
+from rampcast.recording.files import write_whole
 
 SITE_FOLDER = Path(__file__).parent / "site_data"
+NO_LANE = 0  # number of the lane of a vehicle that is in none of the site's lanes
+RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
 
 
 @dataclass(frozen=True)
 class Lane:
-    """A lane: its number in the recording, its role, and the lateral position of its centre [m]."""
+    """A lane: its number in the recording, its role, and the lateral position of its centre [m].
+
+    `sources` are its names in the files of the source (lanelets, lanes of a net); none where vehicles are put into the
+    lane whose centre is nearest.
+    """
 
     number: int
     role: str  # "main", "ramp", "exit" or "shoulder"
     centre: float
+    sources: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,28 +57,39 @@ class Note:
 
 @dataclass(frozen=True)
 class Site:
-    """The geometry of an on-ramp section. Longitudinal values are x [m], lateral values y [m, grows to the left]."""
+    """The geometry of a road section. Longitudinal values are x [m], lateral values y [m, grows to the left].
+
+    A section without an on-ramp has no lane of role "ramp", and NaN or nothing for the values that tell of the ramp: it
+    can be read and checked, but there is no merge to forecast.
+    """
 
     name: str
     title: str
     simulated: bool
     length: float  # [m]
     speed_limit: float  # [m/s]
-    gore: float  # x where the ramp lane begins to run beside the target lane [m]
-    ramp_end: float  # x where the ramp lane ends: x_end of the paper [m]
-    merge_zone: tuple[float, float]  # [m, m]
-    target_lane: int
-    lane_line: tuple[tuple[float, float], ...]  # (x, y) of the line between ramp lane and target lane
     lanes: tuple[Lane, ...]
+    gore: float = math.nan  # x where the ramp lane begins to run beside the target lane [m]
+    ramp_end: float = math.nan  # x where the ramp lane ends: x_end of the paper [m]
+    merge_zone: tuple[float, float] = (math.nan, math.nan)  # [m, m]
+    target_lane: int = NO_LANE
+    lane_line: tuple[tuple[float, float], ...] = ()  # (x, y) of the line between ramp lane and target lane
     timezone: str = "UTC"
     location: str = ""  # the value of the portal's Location column
     windows: tuple[Window, ...] = ()
     notes: tuple[Note, ...] = field(default=())
+    reference: tuple[tuple[float, float], ...] = ()  # points of the line y = 0 in the source's plane [m], downstream
+    mirrored: bool = False  # whether the source's plane grows to the right where it should grow to the left
 
     @property
     def ramp_lanes(self) -> tuple[int, ...]:
         """Returns the numbers of the lanes from which vehicles merge."""
         return tuple(lane.number for lane in self.lanes if lane.role == "ramp")
+
+    @property
+    def has_ramp(self) -> bool:
+        """Returns whether vehicles merge from a ramp here."""
+        return bool(self.ramp_lanes)
 
     def lane_centre(self, number: int) -> float:
         """Returns the lateral position of a lane's centre [m]."""
@@ -125,30 +146,72 @@ def site_from_dict(values: dict[str, Any]) -> Site:
     values = dict(values)
     try:
         site = Site(
-            lanes=tuple(Lane(**lane) for lane in values.pop("lanes")),
+            lanes=tuple(_lane(lane) for lane in values.pop("lanes")),
             windows=tuple(Window(**window) for window in values.pop("windows", ())),
             notes=tuple(Note(**note) for note in values.pop("notes", ())),
-            lane_line=tuple((float(x), float(y)) for x, y in values.pop("lane_line")),
-            merge_zone=(float(values["merge_zone"][0]), float(values.pop("merge_zone")[1])),
+            lane_line=_points(values.pop("lane_line", ())),
+            reference=_points(values.pop("reference", ())),
+            merge_zone=_pair(values.pop("merge_zone", (math.nan, math.nan))),
             **values,
         )
+        _check(site)
     except KeyError as error:
         raise SiteError(f"the value {error} is missing") from error
     except (TypeError, ValueError, IndexError) as error:
         raise SiteError(f"a value is missing, unknown, or of the wrong kind: {error}") from error
-    _check(site)
     return site
 
 
 def site_to_dict(site: Site) -> dict[str, Any]:
     """Returns the values of a site file; the inverse of `site_from_dict`."""
-    return asdict(site)
+    values = asdict(site)
+    absent = [name for name in RAMP_VALUES if not site.has_ramp]
+    for lane in values["lanes"]:
+        if not lane["sources"]:
+            del lane["sources"]
+    return {name: value for name, value in values.items() if name not in absent}
+
+
+def write_site(site: Site, path: Path) -> None:
+    """Writes a site file, which `load_site` reads; whole or not at all."""
+    values = site_to_dict(site)
+    for note in values["notes"]:  # TOML has no way to say "nothing"
+        if note["erratum"] is None:
+            del note["erratum"]
+    with write_whole(Path(path)) as partial:
+        partial.write_text(tomli_w.dumps(values), encoding="utf-8")
+
+
+def _lane(values: dict[str, Any]) -> Lane:
+    return Lane(**(values | {"sources": tuple(str(name) for name in values.get("sources", ()))}))
+
+
+def _points(points: Any) -> tuple[tuple[float, float], ...]:
+    return tuple(_pair(point) for point in points)
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    first, second = values
+    return float(first), float(second)
 
 
 def _check(site: Site) -> None:
-    numbers = [lane.number for lane in site.lanes]
-    if not site.ramp_lanes:
-        raise SiteError("no lane has the role 'ramp'")
+    if len(site.reference) == 1:
+        raise SiteError("reference needs two points [x, y] or more, in the order of travel")
+    if site.has_ramp:
+        _check_ramp(site, [lane.number for lane in site.lanes])
+    elif site.target_lane != NO_LANE or site.lane_line:
+        raise SiteError("no lane has the role 'ramp'; give it to one, or leave out target_lane and lane_line")
+    try:
+        site.window_bounds()
+    except (ValueError, KeyError) as error:
+        raise SiteError(f"a window's time or the time zone cannot be read: {error}") from error
+
+
+def _check_ramp(site: Site, numbers: list[int]) -> None:
+    for name in RAMP_VALUES[:2]:
+        if math.isnan(getattr(site, name)):
+            raise SiteError(f"the value '{name}' is missing; a site with a ramp lane needs it")
     if site.target_lane not in numbers:
         raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {numbers}")
     if not site.gore < site.ramp_end <= site.length:
@@ -156,7 +219,3 @@ def _check(site: Site) -> None:
     xs = [x for x, _ in site.lane_line]
     if len(xs) < 1 or xs != sorted(xs):
         raise SiteError("lane_line needs at least one point [x, y], in order of growing x")
-    try:
-        site.window_bounds()
-    except (ValueError, KeyError) as error:
-        raise SiteError(f"a window's time or the time zone cannot be read: {error}") from error

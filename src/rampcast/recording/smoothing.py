@@ -16,7 +16,8 @@ from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
 from rampcast.recording.recording import KEY, Recording
 
-WINDOW = 21  # samples at 10 Hz; the paper gives none, fixed on the method page, section 3
+HALF_WINDOW = 1.0  # [s] 21 samples at 10 Hz; the paper gives none, fixed on the method page, section 3
+WINDOW = 21  # samples at 10 Hz
 ORDER = 3  # likewise
 STEP = 0.2  # [s] the paper, section "Data Set"
 LONGEST_FILLED_GAP = 5.0  # [s] a longer hole is more likely a reused id than a lost vehicle: it is left open
@@ -88,28 +89,31 @@ def clean(recording: Recording) -> tuple[Recording, CleaningReport]:
     return replace(recording, tracks=tracks, time_step=STEP), report
 
 
-def smooth_tracks(values: Float[np.ndarray, "row"], starts: Int[np.ndarray, "track"]) -> Float[np.ndarray, "row"]:
+def smooth_tracks(
+    values: Float[np.ndarray, "row"], starts: Int[np.ndarray, "track"], *, window: int = WINDOW
+) -> Float[np.ndarray, "row"]:
     """Returns a Savitzky-Golay filtered copy of the values, each track by itself, exact at its edges.
 
     A track shorter than the window is filtered with the longest odd window that fits it.
 
     Args:
-        values: the tracks one after another, at 10 Hz [any unit].
+        values: the tracks one after another, equally spaced in time [any unit].
         starts: row where each track begins, growing; the first is 0.
+        window: samples that the filter spans, odd.
     """
-    half = WINDOW // 2
-    smoothed = convolve1d(values, savgol_coeffs(WINDOW, ORDER, use="dot")[::-1], mode="nearest")
+    half = window // 2
+    smoothed = convolve1d(values, savgol_coeffs(window, ORDER, use="dot")[::-1], mode="nearest")
     lengths = np.diff(np.append(starts, len(values)))
-    long = starts[lengths >= WINDOW]
-    ends = (starts + lengths)[lengths >= WINDOW]
-    whole_window = _filter_matrix(WINDOW)
-    head = long[:, None] + np.arange(WINDOW)
-    tail = ends[:, None] - WINDOW + np.arange(WINDOW)
+    long = starts[lengths >= window]
+    ends = (starts + lengths)[lengths >= window]
+    whole_window = _filter_matrix(window, window)
+    head = long[:, None] + np.arange(window)
+    tail = ends[:, None] - window + np.arange(window)
     smoothed[head[:, :half]] = values[head] @ whole_window[:half].T
     smoothed[tail[:, -half:]] = values[tail] @ whole_window[-half:].T
-    for length in np.unique(lengths[lengths < WINDOW]):
+    for length in np.unique(lengths[lengths < window]):
         rows = starts[lengths == length][:, None] + np.arange(length)
-        smoothed[rows] = values[rows] @ _filter_matrix(int(length)).T
+        smoothed[rows] = values[rows] @ _filter_matrix(int(length), window).T
     return smoothed
 
 
@@ -196,7 +200,8 @@ def _derive(
     raw: dict[str, Float[np.ndarray, "row"]], starts: Int[np.ndarray, "track"], *, time_step: float
 ) -> dict[str, Float[np.ndarray, "row"]]:
     """Returns smoothed positions and their first and second derivatives, by column name."""
-    x, y = smooth_tracks(raw[c.X], starts), smooth_tracks(raw[c.Y], starts)
+    window = 2 * round(HALF_WINDOW / time_step) + 1
+    x, y = (smooth_tracks(raw[name], starts, window=window) for name in (c.X, c.Y))
     v, u = derivative(x, starts, time_step=time_step), derivative(y, starts, time_step=time_step)
     a, e = derivative(v, starts, time_step=time_step), derivative(u, starts, time_step=time_step)
     return {c.X: x, c.Y: y, c.V: v, c.U: u, c.A: a, c.E: e}
@@ -223,7 +228,7 @@ def _shifts(
     }
 
 
-def _filter_matrix(length: int) -> Float[np.ndarray, "length length"]:
+def _filter_matrix(length: int, longest: int) -> Float[np.ndarray, "length length"]:
     """Returns the matrix that filters a track of that many samples with the longest window that fits."""
-    window = min(WINDOW, length if length % 2 else length - 1)
+    window = min(longest, length if length % 2 else length - 1)
     return np.asarray(savgol_filter(np.eye(length), window, ORDER, axis=0, mode="interp"))

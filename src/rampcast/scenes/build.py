@@ -48,6 +48,11 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
         raise RecordingError(
             "scenes need velocities: smooth the recording first, `recording, report = clean(recording)`"
         )
+    if not recording.site.has_ramp:
+        raise RecordingError(
+            f"site '{recording.site.name}' has no lane of role 'ramp', so there is no merge to forecast; say which lane "
+            "is the ramp and where it ends with `rampcast site`"
+        )
     spacing = round(every / STEP)
     if spacing < 1 or abs(spacing * STEP - every) > 1e-6:
         raise RecordingError(f"expected anchors every multiple of {STEP} s, got every {every} s")
