@@ -50,7 +50,7 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
         )
     if not recording.site.has_ramp:
         raise RecordingError(
-            f"site '{recording.site.name}' has no lane of role 'ramp', so there is no merge to forecast; say which lane "
+            f"site '{recording.site.name}' has no lane of role 'ramp': there is no merge to forecast; say which lane "
             "is the ramp, and where it ends, with `rampcast site`"
         )
     spacing = round(every / STEP)
