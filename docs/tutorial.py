@@ -36,7 +36,7 @@ print(raw.tracks.select("recording", "vehicle", "frame", "x", "y", "lane", "leng
 # %% [markdown]
 # A recording is one polars table and the *site* it was made at. The site knows the lanes, where the ramp begins and
 # ends, and the line that a merging vehicle crosses; a site of your own is [one text
-# file](formats.md#a-site-of-your-own).
+# file](sites.md#a-site-of-your-own).
 
 # %%
 site = raw.site

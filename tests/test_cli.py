@@ -3,14 +3,31 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import polars as pl
 import pytest
 
+from rampcast.cli.options import writable_file, writable_folder
+from rampcast.cli.reading import warn_if_off_road
+from rampcast.errors import RampcastError
+from rampcast.formats import ReadReport
 from rampcast.recording import write_recording
 from tests.traffic import random_traffic
 
-COMMANDS = ("inspect", "convert", "train", "forecast", "evaluate", "reproduce", "demo", "simulate")
+COMMANDS = (
+    "download",
+    "inspect",
+    "doctor",
+    "convert",
+    "site",
+    "train",
+    "forecast",
+    "evaluate",
+    "reproduce",
+    "demo",
+    "simulate",
+)
 
 
 def rampcast(*arguments, expect=0):
@@ -51,7 +68,7 @@ def test_every_command_explains_itself_with_an_example(command):
 def test_help_imports_nothing_heavy():
     code = (
         "import sys\nfrom rampcast.cli import app\n"
-        "heavy = {'jax', 'polars', 'sklearn', 'matplotlib', 'scipy', 'numpy'} & set(sys.modules)\n"
+        "heavy = {'jax', 'polars', 'sklearn', 'matplotlib', 'scipy', 'numpy', 'httpx'} & set(sys.modules)\n"
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -75,6 +92,13 @@ def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
     assert json.loads((tmp_path / "run.json").read_text())["trained_on"] == ["i80-1"]
 
 
+def test_what_reads_recordings_takes_a_mapping(model, files, tmp_path):
+    out, mapping = ("--out", tmp_path / "out"), ("--mapping", tmp_path / "absent.toml")
+    one = ("--model", model, "--recording", files[0])
+    for command in (("train", files[0]), ("forecast", *one), ("evaluate", *one)):
+        assert "absent.toml: the mapping cannot be read" in rampcast(*command, *out, *mapping, expect=2).stderr
+
+
 def test_a_score_on_the_training_window_is_refused(model, files, tmp_path):
     done = rampcast("evaluate", "--model", model, "--recording", files[0], "--out", tmp_path / "x", expect=2)
     assert "used to train this model" in done.stderr
@@ -93,7 +117,31 @@ def test_convert_and_inspect_go_round(files, tmp_path):
 def test_a_place_that_cannot_be_written_is_one_message(files, tmp_path):
     (tmp_path / "taken").write_text("a file")
     done = rampcast("convert", files[0], "--out", tmp_path / "taken" / "x.parquet", expect=2)
-    assert "taken" in done.stderr
+    assert f"{tmp_path / 'taken'} is a file and no folder" in done.stderr
+    (tmp_path / "folder").mkdir()
+    done = rampcast("convert", files[0], "--out", tmp_path / "folder", expect=2)
+    assert "folder: this is a folder; name the file to write" in done.stderr
+    for command in (("doctor", files[0]), ("train", files[0])):
+        done = rampcast(*command, "--out", tmp_path / "taken", expect=2)
+        assert done.stderr.startswith(f"error: {tmp_path / 'taken'}: cannot be written")
+        assert not done.stdout
+
+
+def test_a_folder_without_the_right_to_write_is_named_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda *_: False)  # whoever runs the tests may write everywhere
+    with pytest.raises(RampcastError, match="nothing can be written in"):
+        writable_file(tmp_path / "deep" / "x.parquet")
+    with pytest.raises(RampcastError, match="nothing can be written in"):
+        writable_folder(tmp_path)
+
+
+def test_most_rows_off_the_road_are_warned_of(capsys):
+    report = ReadReport(files=("a.csv",), forms=("made up",), rows_read=15_376, rows_off_road=15_291)
+    warn_if_off_road(report, "i80")
+    assert "15,291 of 15,376 rows are off the road of site i80" in capsys.readouterr().err
+    warn_if_off_road(report, None)  # the site was drafted from the file
+    warn_if_off_road(replace(report, rows_off_road=7_000), "i80")
+    assert not capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

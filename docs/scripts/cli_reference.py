@@ -49,7 +49,8 @@ def _rows(callback: Callable[..., Any]) -> Iterator[str]:
         kind, info = get_args(hints[name])
         required = parameter.default is inspect.Parameter.empty
         default = "**required**" if required else _default(parameter.default)
-        shown = f"{name.upper()}..." if isinstance(info, ArgumentInfo) else f"--{name.replace('_', '-')}"
+        several = "..." if get_origin(kind) is list else ""
+        shown = f"{name.upper()}{several}" if isinstance(info, ArgumentInfo) else f"--{name.replace('_', '-')}"
         yield f"| `{shown}` | {_kind(kind)} | {default} | {_plain(info.help or '')} |"
 
 
@@ -60,7 +61,10 @@ def _kind(kind: Any) -> str:
     if get_origin(kind) is list:
         return "paths"
     inner = [part for part in get_args(kind) if part is not type(None)]
-    kind = inner[0] if inner else kind
+    kind = inner[0] if inner and get_origin(kind) is not tuple else kind
+    if get_origin(kind) in (list, tuple):
+        word = KINDS[get_args(kind)[0]]
+        return f"two {word}s" if get_origin(kind) is tuple else f"{word}, may be repeated"
     return " or ".join(f"`{entry.value}`" for entry in kind) if issubclass(kind, Enum) else KINDS[kind]
 
 

@@ -5,6 +5,7 @@ RampcastError
 ├── SiteError        a site is unknown, or its data file is wrong
 ├── RecordingError   a recording lacks what the asked-for step needs
 ├── ModelError       a model folder is missing, damaged, or made by another version
+├── DownloadError    a file cannot be got, or is not what was asked for
 └── MissingExtra     an optional part is not installed
 """
 
@@ -27,6 +28,10 @@ class RecordingError(RampcastError):
 
 class ModelError(RampcastError):
     """A model folder is missing, damaged, or made by another version."""
+
+
+class DownloadError(RampcastError):
+    """A file cannot be got, or is not what was asked for."""
 
 
 class MissingExtra(RampcastError):

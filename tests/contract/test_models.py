@@ -103,7 +103,8 @@ def test_shifting_all_positions_shifts_the_forecast_of_the_models_that_claim_it(
     past[..., X] += shift
     role[..., X] += shift
     site = replace(scenes.site, ramp_end=scenes.site.ramp_end + shift, length=scenes.site.length + shift)
-    moved = forecaster.predict(replace(scenes, site=site, past=past, role_past=role))
+    there = replace(forecaster, site=site)  # as it would be, trained at the road that is moved
+    moved = there.predict(replace(scenes, site=site, past=past, role_past=role))
     claimed = [name for name, model in MODELS.items() if forecaster.mode in model.shift_invariant]
     assert claimed
     for name in claimed:

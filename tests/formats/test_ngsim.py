@@ -37,8 +37,33 @@ def test_feet_become_metres_and_local_x_becomes_minus_y(tmp_path):
     assert found[c.LENGTH] == pytest.approx(4.572)
     assert found[c.WIDTH] == pytest.approx(1.524)
     assert (found[c.VEHICLE], found[c.FRAME], found[c.LANE], found[c.KIND]) == (7, 12, 7, "truck")
-    assert recording.tracks.schema == c.SCHEMA
+    assert recording.tracks.schema == c.SCHEMA | {c.RECORDED_V: pl.Float32()}
     assert (recording.time_step, recording.source, recording.site) == (0.1, "ngsim", I80)
+
+
+def test_recorded_speed_and_acceleration_are_kept_in_si(tmp_path):
+    cells = row(7, 12, v_Vel="40.00", v_Acc="-5.00")
+    for content in (text([cells]), csv([cells]), portal([cells])):
+        recording, _ = read_ngsim([saved(tmp_path, content)], site=I80)
+        assert recording.tracks[c.RECORDED_V].to_list() == [pytest.approx(12.192)]  # 40 ft/s * 0.3048
+        assert recording.tracks[c.RECORDED_A].to_list() == [pytest.approx(-1.524)]
+
+
+def test_speeds_that_are_all_zero_are_not_known(tmp_path):
+    rows = [row(1, frame, v_Vel="0.00") for frame in range(3)]
+    recording, _ = read_ngsim([saved(tmp_path, text(rows))], site=I80)
+    assert recording.tracks.schema == c.SCHEMA
+    rows[1] = row(1, 1, v_Vel="0.50")  # one that is not: the others stand
+    recording, _ = read_ngsim([saved(tmp_path, text(rows))], site=I80)
+    assert recording.tracks[c.RECORDED_V].to_list() == [0.0, pytest.approx(0.1524), 0.0]
+
+
+def test_a_file_without_speeds_is_read_beside_one_with(tmp_path):
+    names = [name for name in NAMES if name not in ("v_Vel", "v_Acc")]
+    cells = dict(zip(NAMES, row(2, 0), strict=True))
+    paths = [saved(tmp_path, text([row(1, 0)])), saved(tmp_path, csv([[cells[n] for n in names]], names), "b.csv")]
+    recording, _ = read_ngsim(paths, site=I80)
+    assert recording.tracks[c.RECORDED_V].to_list() == [pytest.approx(3.048), None]
 
 
 TYPOS = ["Preceeding" if n == "Preceding" else "Space_Hdwy" if n == "Space_Headway" else n.upper() for n in NAMES]
@@ -238,7 +263,7 @@ def test_read_any_says_what_is_wrong_with_its_arguments(tmp_path):
         ([], {}, "at least one file"),
         ([tmp_path / "none.txt"], {}, "there is no such file"),
         ([tmp_path], {}, "this is a folder"),
-        ([good], {"format": "nonsense"}, "no format 'nonsense'; known formats: rampcast, ngsim"),
+        ([good], {"format": "nonsense"}, "there is no format 'nonsense'. Known formats: rampcast, ngsim"),
         ([mixed], {}, "of several sites: i80, us101.*--site"),
         ([ancient], {}, "cannot tell the site; its times and Location tell of none"),
         ([good, tmp_path / "own.parquet"], {}, "expected files of one format"),

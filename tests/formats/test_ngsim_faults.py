@@ -77,6 +77,15 @@ BAD_ROWS = {
     "a place beyond the site": (text(with_cell("Local_Y", "9999.000")), "column 6: local_y: expected -413 to 2,063"),
     "a place beside the site": (text(with_cell("Local_X", "-900.0")), "column 5: local_x: expected -158 to 255"),
     "a negative length": (text(with_cell("v_Length", "-3.0")), "line 4, column 9: v_length: expected 0 to 200"),
+    "letters in a speed": (
+        text(with_cell("v_Vel", "1o.00")),
+        "line 4, column 12: v_vel: expected a number, found '1o.00'",
+    ),
+    "an empty acceleration": (
+        csv(with_cell("v_Acc", "")),
+        "line 5, column 13: v_acc: expected a number, the cell is empt",
+    ),
+    "a speed of no car": (text(with_cell("v_Vel", "999.0")), "line 4, column 12: v_vel: expected -500 to 500"),
     "a quote that is never closed": (line_changed(CSV, b"103.000", b'"103.000', 5), "line 5: expected 18 columns"),
     "letters no encoding knows": (line_changed(CSV, b"103.000", b"\xff\xfe", 5), "line 5, column 6: local_y"),
 }

@@ -10,7 +10,15 @@ import pytest
 from rampcast.formats import read_any
 from rampcast.recording import Recording, clean, concatenate, load_site
 from rampcast.recording import columns as c
-from rampcast.recording.quality import LaneQuality, PaperCounts, WindowQuality, lane_table, quality, quality_table
+from rampcast.recording.quality import (
+    LaneQuality,
+    PaperCounts,
+    WindowQuality,
+    lane_table,
+    quality,
+    quality_table,
+    window_table,
+)
 from tests.traffic import random_traffic
 
 SITE = load_site("i80")
@@ -133,6 +141,24 @@ def test_the_total_sums_the_windows_and_has_the_papers_counts_beside_it():
     assert ("on-ramp vehicles seen for more than 19 s, the paper", "117", "129", "139", "385") in table.rows
     assert all(len(row) == len(table.heads) for row in table.rows)
     assert len(lane_table(found).rows) == len(found.total.lanes)
+
+
+def test_many_windows_have_a_row_each_and_the_sum_a_column():
+    windows = [random_traffic(seed, vehicles=4, name=f"i80-{seed}") for seed in range(1, 6)]
+    found = quality(concatenate(windows))
+    assert quality_table(found).heads == ("", "all")
+    assert ("vehicles", "20") in quality_table(found).rows
+    table = window_table(found)
+    assert table is not None
+    assert table.heads[:3] == ("window", "vehicles", "rows")
+    assert [row[:2] for row in table.rows] == [(f"i80-{seed}", "4") for seed in range(1, 6)]
+    assert window_table(quality(windows[0])) is None
+
+
+def test_a_lane_in_the_middle_has_no_negative_zero():
+    found = quality(recorded(track(1, range(30))))
+    lane = replace(found.total.lanes[0], median_y=-0.001, centre=-0.0)
+    assert lane_table(replace(found, total=replace(found.total, lanes=(lane,)))).rows[0][4:] == ("0.00", "0.00")
 
 
 def test_it_becomes_strict_json():

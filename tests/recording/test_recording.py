@@ -78,6 +78,34 @@ def test_a_user_adds_a_site_without_touching_code(tmp_path):
         ("America/Los_Angeles", "Moon/Crater", "time zone"),
         ('name = "i80"', 'name = "i80"\ncolour = "red"', "colour"),
         ('name = "i80"', "name = ", "not a TOML file"),
+        ('name = "i80"', "", "the value 'name' is missing"),
+        ('name = "i80"', 'name = ""', "name: expected text, got none"),
+        ("lanes = [", "lanes = [ 5,", r"lanes\[1\]: expected a table \{ number = .*, got 5"),
+        ("centre = -1.81", "center = -1.81", r"no value 'center' of lanes\[1\]; is 'centre' meant"),
+        (", centre = -1.81", "", r"the value 'centre' of lanes\[1\] is missing"),
+        ("number = 2,", "number = 1,", "lanes: the number 1 is given to 2 lanes"),
+        (
+            'role = "ramp"',
+            'role = "rampe"',
+            "expected one of main, ramp, exit, shoulder, got \"rampe\"; is 'ramp' meant",
+        ),
+        ("speed_limit = 29.06", 'speed_limit = "fast"', 'speed_limit: expected a number above 0, got "fast"'),
+        ("speed_limit = 29.06", "speed_limit = 0", "speed_limit: expected a number above 0, got 0"),
+        ("length = 503.0", "length = nan", "length: expected a number above 0, got nan"),
+        ("simulated = false", 'simulated = "no"', 'simulated: expected true or false, .*, got "no"'),
+        ("target_lane = 6", 'target_lane = "6"', 'target_lane: expected a whole number, .*, got "6"'),
+        ("target_lane = 6", "target_lane = 7", "target_lane is 7, which is none of the lanes .* beside the ramp"),
+        ("target_lane = 6", "target_lane = true", "target_lane: expected a whole number, .*, got true"),
+        ("gore = 117.8", "goree = 117.8", "there is no value 'goree'; is 'gore' meant"),
+        ("merge_zone = [170.0, 230.0]", "", "the value 'merge_zone' is missing"),
+        ("merge_zone = [170.0, 230.0]", "merge_zone = [230.0, 170.0]", "merge_zone: expected .* from before to"),
+        ("merge_zone = [170.0, 230.0]", "merge_zone = [170.0]", "merge_zone: expected two numbers .*, got .170.0."),
+        ("lane_line = [", "lane_line = [[0.0],", r"lane_line\[1\]: expected two numbers \[x, y\], got \[0.0\]"),
+        ("lane_line = [", "lane_line = [[900.0, -21.0], ", "lane_line: expected points .* of growing x"),
+        ("lane_line = [", "reference = [[0.0, 0.0]]\nlane_line = [", "reference needs two points"),
+        ('timezone = "America', 'timezone = 8 # "', "timezone: expected text, got 8"),
+        ('{ name = "1", start', '{ name = "1", begin', r"no value 'begin' of windows\[1\]"),
+        ("erratum = 1\n", 'erratum = "1"\n', r"notes\[1\].erratum: expected a whole number"),
     ],
 )
 def test_a_site_file_with_a_mistake_says_which(tmp_path, old, new, message):
@@ -91,6 +119,8 @@ def test_a_site_file_with_a_mistake_says_which(tmp_path, old, new, message):
 def test_an_unknown_site_is_answered_with_those_that_exist():
     with pytest.raises(SiteError, match=r"Shipped sites: i80, .*us101"):
         load_site("moon")
+    with pytest.raises(SiteError, match="there is no site 'us110'; is 'us101' meant"):
+        load_site("us110")
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):

@@ -114,11 +114,11 @@ def test_a_smoothed_recording_is_refused():
         clean(smoothed)
 
 
-def test_a_time_step_that_does_not_divide_the_sampling_is_refused():
+def test_frames_further_apart_than_the_sampling_are_refused_with_advice():
     recording = recording_of(np.arange(40), np.arange(40) * 1.0)
-    odd = Recording(tracks=recording.tracks, site=SITE, time_step=0.04 * 0.9, source="ngsim")
-    with pytest.raises(RecordingError, match="divides"):
-        clean(odd)
+    sparse = Recording(tracks=recording.tracks, site=SITE, time_step=0.5, source="sumo")
+    with pytest.raises(RecordingError, match=r"up to 0.2 s, got 0.5 s.*--step-length 0.1"):
+        clean(sparse)
 
 
 def test_smoothing_looks_ahead_twelve_raw_frames_and_no_further():

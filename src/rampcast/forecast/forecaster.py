@@ -22,7 +22,8 @@ from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, Site
 from rampcast.recording import columns as c
-from rampcast.scenes import FUTURE, STEP, build_scenes, training_windows
+from rampcast.recording.sites import differences
+from rampcast.scenes import FUTURE, STEP, build_scenes, need_ramp, training_windows
 from rampcast.scenes.scenes import CENTRAL, Scenes
 from rampcast.scenes.stand_ins import with_stand_ins
 
@@ -87,11 +88,7 @@ class Forecaster:
         Raises:
             ModelError: a model is unknown, or the scenes are of another site.
         """
-        if scenes.site.name != self.site.name:
-            raise ModelError(
-                f"this model was trained at site '{self.site.name}', the scenes are of site '{scenes.site.name}'; its "
-                "lane-change forests know positions on the road, so train a model of that site"
-            )
+        _need_same_site(self.site, scenes.site)
         unknown = [name for name in models if name not in MODELS]
         if unknown:
             raise ModelError(f"unknown models {unknown}; there are {', '.join(MODELS)}")
@@ -177,12 +174,27 @@ def fit_forecaster(
         progress: called as (what, done, total).
 
     Raises:
-        RecordingError: the recording holds no vehicle that stays long enough in the ramp lane or the target lane.
+        RecordingError: its site has no ramp, or it holds no vehicle that stays long enough in the ramp lane or the
+            target lane.
     """
+    need_ramp(recording)
     spec = spec or TrainingSpec()
     ramp, target = for_each_lane(lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress))
     forests = fit_lane_changes(recording, mode=mode, spec=spec, progress=progress)
     return assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
+
+
+def _need_same_site(trained: Site, site: Site) -> None:
+    if site.name != trained.name:
+        what = f"at site '{trained.name}', the scenes are of site '{site.name}'"
+    elif different := differences(trained, site):
+        what = f"at another site '{trained.name}' than that of the scenes: {', '.join(different)}"
+    else:
+        return
+    raise ModelError(
+        f"this model was trained {what}; its lane-change forests know positions on the road, so train a model of that "
+        "site, or read both recordings with one site file (--site)"
+    )
 
 
 def for_each_lane(fit: Callable[[str], NeighbourLstm]) -> list[NeighbourLstm]:

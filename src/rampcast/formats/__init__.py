@@ -2,6 +2,17 @@
 
 from rampcast.formats.ngsim import read_ngsim
 from rampcast.formats.report import BadRow, BadRows, ReadReport
-from rampcast.formats.table import FORMATS, Format, read_all, read_any, why_not
+from rampcast.formats.table import FORMATS, Format, convert_all, read_all, read_any, why_not
 
-__all__ = ["FORMATS", "BadRow", "BadRows", "Format", "ReadReport", "read_all", "read_any", "read_ngsim", "why_not"]
+__all__ = [
+    "FORMATS",
+    "BadRow",
+    "BadRows",
+    "Format",
+    "ReadReport",
+    "convert_all",
+    "read_all",
+    "read_any",
+    "read_ngsim",
+    "why_not",
+]

@@ -4,14 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import polars as pl
-
-from rampcast.errors import FormatError
 from rampcast.formats.sources import open_source, read_start
+from rampcast.recording.parquet import read_head
 
 SIZE = 64 << 10  # [bytes] enough for any header
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # some programs write it before the first letter
 PARQUET_MAGIC = b"PAR1"
+NO_TABLES = ("<", "{", "[")  # with which xml and json begin
 SEPARATORS = (",", ";", "\t")
 
 
@@ -79,7 +78,8 @@ def find_header(text: bytes) -> Header | None:
     line = lines[number].decode("latin-1").rstrip("\r")
     separator = max(SEPARATORS, key=line.count)
     names = tuple(cell.strip().strip('"') for cell in line.split(separator))
-    is_header = len(names) > 1 and line.isprintable() | ("\t" in line) and not any(_is_number(name) for name in names)
+    is_text = line.replace("\t", "").isprintable() and not line.lstrip().startswith(NO_TABLES)
+    is_header = len(names) > 1 and is_text and not any(_is_number(name) for name in names)
     return Header(names, separator, number + 1) if is_header else None
 
 
@@ -92,8 +92,5 @@ def _is_number(text: str) -> bool:
 
 
 def _look_at_parquet(path: Path) -> Head:
-    try:
-        names, metadata = tuple(pl.read_parquet_schema(path)), pl.read_parquet_metadata(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        raise FormatError(f"{path}: a damaged parquet file ({error}); get the file again") from error
-    return Head(path, str(path), names=names, metadata=metadata, is_parquet=True)
+    types, metadata = read_head(path)
+    return Head(path, str(path), names=tuple(types), metadata=metadata, is_parquet=True)

@@ -5,7 +5,9 @@ Source: the format page of the highD data set, levelXdata; see docs/formats/high
 """
 
 import math
+import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,49 +17,62 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.head import Head
+from rampcast.formats.levelx import (
+    Described,
+    Layout,
+    check_one_location,
+    misses,
+    read_described,
+    speed_limit,
+    tracks_among,
+)
 from rampcast.formats.on_roads import on_roads
-from rampcast.formats.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane, Road
+from rampcast.formats.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road
 from rampcast.formats.report import BadRows, ReadReport, join_reports
-from rampcast.formats.rows import Column, Rows, missing_column, read_rows
+from rampcast.formats.rows import Column
+from rampcast.formats.vehicles import with_sizes
 from rampcast.recording import Lane, Recording, Site
 from rampcast.recording import columns as c
 
-LARGEST = 2.0**31 - 1
 FAR = 10_000.0  # [m] no recorded section is longer
 ROADS = {1: "upper", 2: "lower"}  # drivingDirection: 1 drives to the left in the image, on its upper half
-KINDS = {"Car": "car", "Truck": "truck"}
-UNLIMITED = 50.0  # [m/s] 180 km/h, where speedLimit is -1: no limit; above what highD's cars drove
+MARKINGS = {"upper": "upperLaneMarkings", "lower": "lowerLaneMarkings"}
+LONGEST = 200  # letters of a list of markings that a message shows
+NARROWEST, WIDEST = 2.0, 8.0  # [m] lanes that are believed; German motorways have 3.5 to 3.75 m
 
-TRACKS = (
-    Column("frame", ("frame",), pl.Int32(), 0, LARGEST),
-    Column("id", ("id",), pl.Int32(), 0, LARGEST),
-    Column("x", ("x",), low=-FAR, high=FAR),
-    Column("y", ("y",), low=-FAR, high=FAR),
-    Column("length", ("width",), pl.Float32(), 0, 100),
-    Column("width", ("height",), pl.Float32(), 0, 20),
-    Column("v", ("xVelocity",), pl.Float32(), -150, 150),
-    Column("a", ("xAcceleration",), pl.Float32(), -1000, 1000),
-    Column("lane", ("laneId",), pl.Int16(), 0, 100),
-    Column("thw", ("thw",), pl.Float32(), optional=True, may_be_blank=True),  # tells highD from other sources
-)
-VEHICLES = (
-    Column("id", ("id",), pl.Int32(), 0, LARGEST),
-    Column("class", ("class",), pl.String()),
-    Column("direction", ("drivingDirection",), pl.Int8(), 1, 2),
-)
-RECORDING = (
-    Column("id", ("id",), pl.Int32(), 0, LARGEST),
-    Column("rate", ("frameRate",), low=1, high=1000),
-    Column("location", ("locationId",), pl.Int32(), 0, LARGEST),
-    Column("limit", ("speedLimit",), low=-1, high=100),
-    Column("upper", ("upperLaneMarkings",), pl.String()),
-    Column("lower", ("lowerLaneMarkings",), pl.String()),
+LAYOUT = Layout(
+    name="highD",
+    tracks=(
+        Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("x", ("x",), low=-FAR, high=FAR),
+        Column("y", ("y",), low=-FAR, high=FAR),
+        Column(c.LENGTH, ("width",), pl.Float32(), 0, 100),
+        Column(c.WIDTH, ("height",), pl.Float32(), 0, 20),
+        Column("v", ("xVelocity",), pl.Float32(), -150, 150),
+        Column("a", ("xAcceleration",), pl.Float32(), -1000, 1000),
+        Column("lane", ("laneId",), pl.Int16(), 0, 100),
+        Column("ahead", ("frontSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
+        Column("behind", ("backSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
+    ),
+    vehicles=(
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("class", ("class",), pl.String()),
+        Column("direction", ("drivingDirection",), pl.Int8(), 1, 2),
+    ),
+    recording=(
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("rate", ("frameRate",), low=1, high=1000),
+        Column("location", ("locationId",), pl.Int32(), 0, c.LARGEST),
+        Column("limit", ("speedLimit",), low=-1, high=100),
+        *(Column(name, (spelling,), pl.String()) for name, spelling in MARKINGS.items()),
+    ),
 )
 
 
 def misses_highd(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be highD's tracks; None if nothing."""
-    return missing_column(head, TRACKS[:-1])
+    """Returns the first thing a file lacks to be one of highD's; None if nothing."""
+    return misses(head, LAYOUT)
 
 
 def read_highd(
@@ -66,92 +81,106 @@ def read_highd(
     """Returns the two directions of a highD location, each a recording of its own, and what reading found.
 
     Args:
-        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it.
+        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
+            these may be among the paths.
         site: one direction; None takes both, with the lanes of the recording's markings.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as highD's are, or the files are of several locations.
     """
-    parts, reports, metas = [], [], []
-    for path in paths:
-        rows = read_rows(path, TRACKS, bad_rows=bad_rows)
-        vehicles = read_rows(_beside(path, "tracksMeta"), VEHICLES).table
-        metas.append(_recording(_beside(path, "recordingMeta")))
-        parts.append(_in_plane(rows, vehicles, str(metas[-1]["id"])))
-        reports.append(rows.report("highD tracks"))
+    tracks = tracks_among(paths)
+    parts = [_read_part(path, bad_rows) for path in tracks]
+    values = [part.values for part in parts]
+    check_one_location(tracks, values, ("location", "rate", "upper", "lower"))
     plane = Plane(
-        name=f"highd-{metas[0]['location']}",
-        title=f"highD, location {metas[0]['location']}",
+        name=f"highd-{values[0]['location']}",
+        title=f"highD, location {values[0]['location']}",
         source="highd",
-        rows=pl.concat(parts),
-        time_step=1 / metas[0]["rate"],
-        speed_limit=metas[0]["limit"] if metas[0]["limit"] > 0 else UNLIMITED,
-        roads=_roads(metas[0], length=_length(parts)),
+        rows=pl.concat([part.table for part in parts]),
+        time_step=1 / values[0]["rate"],
+        speed_limit=speed_limit(values[0]),
+        roads=_roads(values[0], length=_length(parts)),
     )
-    _check_one_location(paths, metas)
-    return on_roads(plane, site, join_reports(reports))
+    return on_roads(plane, site, join_reports([part.report for part in parts]))
 
 
-def _beside(path: Path, kind: str) -> Path:
-    other = path.with_name(path.name.replace("_tracks", f"_{kind}"))
-    if other == path or not other.is_file():
-        name = path.name.partition("_")[0]
+def _read_part(path: Path, bad_rows: BadRows) -> Described:
+    found = read_described(path, LAYOUT, bad_rows)
+    values = found.values | {name: _markings(path, name, found.values[name]) for name in MARKINGS}
+    if values["upper"][-1] >= values["lower"][0]:
         raise FormatError(
-            f"{path}: highD's {name}_{kind}.csv is not beside it. Expected NN_tracks.csv, NN_tracksMeta.csv and "
-            "NN_recordingMeta.csv in one folder, with their original names"
+            f"{path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
+            f"{MARKINGS['lower']} begin at {values['lower'][0]}; expected the upper ones above the lower ones"
         )
-    return other
+    table, filled = with_sizes(found.table)
+    values["length"] = _seen_length(table)
+    return Described(_in_plane(table, str(values["id"])), values, replace(found.report, sizes_filled=filled))
 
 
-def _recording(path: Path) -> dict[str, Any]:
-    values: dict[str, Any] = read_rows(path, RECORDING).table.row(0, named=True)
-    for name in ("upper", "lower"):
-        try:
-            values[name] = [float(cell) for cell in values[name].split(";")]
-        except ValueError as error:
-            raise FormatError(f"{path}, {name}LaneMarkings: expected numbers separated by ';' ({error})") from error
-        if len(values[name]) < 2:
-            raise FormatError(f"{path}, {name}LaneMarkings: expected two markings or more, found {values[name]}")
+def _seen_length(table: pl.DataFrame) -> float | None:
+    """Returns the length of the image [m]: how far it reaches ahead of each vehicle and behind it; None if not told."""
+    if not {"ahead", "behind"} <= set(table.columns):
+        return None
+    length = table.select((pl.col("ahead") + pl.col("behind")).median()).item()
+    return length if length and length > 0 else None
+
+
+def _markings(path: Path, name: str, text: str) -> list[float]:
+    """Returns the y [m] of the lines beside and between the lanes of one direction, from the top of the image."""
+    where = f"{path}, in the recordingMeta file beside it, {MARKINGS[name]}"
+    try:
+        values = [float(cell) for cell in text.split(";") if cell.strip()]
+    except ValueError as error:
+        raise FormatError(f"{where}: expected numbers separated by ';', found '{text[:LONGEST]}'") from error
+    if len(values) < 2:
+        raise FormatError(f"{where}: expected two markings or more, found '{text[:LONGEST]}'")
+    if not all(NARROWEST <= after - before <= WIDEST for before, after in pairwise(values)):
+        raise FormatError(
+            f"{where}: expected numbers that grow by a lane's width, {NARROWEST:g} to {WIDEST:g} m, found "
+            f"'{text[:LONGEST]}'"
+        )
     return values
 
 
-def _in_plane(rows: Rows, vehicles: pl.DataFrame, recording: str) -> pl.DataFrame:
+def _in_plane(table: pl.DataFrame, recording: str) -> pl.DataFrame:
     """Returns the rows with y turned up and the front centre as position: front is the side in driving direction."""
-    table = rows.table.join(vehicles, on="id", how="left", maintain_order="left")
-    unknown = table.filter(pl.col("direction").is_null())
-    if unknown.height:
-        raise FormatError(
-            f"{rows.file}: vehicle {unknown['id'][0]} is not in the tracksMeta file beside it; get both files again"
-        )
     is_lower = pl.col("direction") == 2
     forward = pl.when(is_lower).then(1).otherwise(-1).cast(pl.Float32)
+    names = {number: str(number) for number in table["lane"].unique()}
     return table.select(
         pl.lit(recording, dtype=pl.Categorical()).alias(c.RECORDING),
         pl.when(is_lower).then(pl.lit(ROADS[2])).otherwise(pl.lit(ROADS[1])).cast(pl.Categorical()).alias(ROAD),
         pl.col("id").alias(c.VEHICLE),
         pl.col("frame").alias(c.FRAME),
-        (pl.col("x") + pl.when(is_lower).then(pl.col("length")).otherwise(0)).alias(PX),
-        (-pl.col("y") - pl.col("width") / 2).alias(PY),
-        pl.col("lane").cast(pl.String).cast(pl.Categorical()).alias(SOURCE_LANE),
-        pl.col("length").alias(c.LENGTH),
-        pl.col("width").alias(c.WIDTH),
-        pl.col("class").replace_strict(KINDS, default="car").cast(PLANE_SCHEMA[c.KIND]).alias(c.KIND),
+        (pl.col("x") + pl.when(is_lower).then(pl.col(c.LENGTH)).otherwise(0)).alias(PX),
+        (-pl.col("y") - pl.col(c.WIDTH) / 2).alias(PY),
+        pl.col("lane").replace_strict(names, return_dtype=pl.Categorical()).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.col(c.KIND),
         (pl.col("v") * forward).alias(c.RECORDED_V),
         (pl.col("a") * forward).alias(c.RECORDED_A),
     )
 
 
-def _length(parts: Sequence[pl.DataFrame]) -> float:
-    return float(math.ceil(max(float(part[PX].to_numpy().max()) for part in parts)))
+def _length(parts: Sequence[Described]) -> float:
+    """Returns the length of the image [m], in whole metres so that all recordings of a location have the same.
+
+    Where the files do not tell it, it is that beyond which there is no vehicle.
+    """
+    told = [part.values["length"] for part in parts if part.values["length"]]
+    if told:
+        return float(round(statistics.median(told)))
+    return float(math.ceil(max(float(part.table[PX].to_numpy().max()) for part in parts)))
 
 
-def _roads(recording: dict[str, Any], *, length: float) -> tuple[Road, Road]:
+def _roads(values: dict[str, Any], *, length: float) -> tuple[Road, Road]:
     """Returns both directions; y = 0 is the left edge of each, lanes count from it, and both begin at the image's edge.
 
     laneId 1 lies above the upper direction, whose lanes follow from above; then comes the median and the lower ones.
     """
-    upper, lower = recording["upper"], recording["lower"]
+    upper, lower = values["upper"], values["lower"]
     upper_names = list(range(2, len(upper) + 1))[::-1]  # the lowest in the image is the leftmost of who drives to -x
     lower_names = list(range(len(upper) + 2, len(upper) + len(lower) + 1))
     return (
@@ -167,13 +196,3 @@ def _numbered(names: Sequence[int], markings: Sequence[float]) -> tuple[Lane, ..
         Lane(number, "main", round(centre, 3), (str(name),))
         for number, (name, centre) in enumerate(zip(names, centres, strict=True), start=1)
     )
-
-
-def _check_one_location(paths: Sequence[Path], metas: Sequence[dict[str, Any]]) -> None:
-    for path, meta in zip(paths, metas, strict=True):
-        for name in ("location", "rate", "upper", "lower"):
-            if meta[name] != metas[0][name]:
-                raise FormatError(
-                    f"{path}: its {name} is {meta[name]}, that of {paths[0].name} is {metas[0][name]}. "
-                    "Convert recordings of different places by themselves"
-                )

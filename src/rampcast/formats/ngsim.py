@@ -14,11 +14,13 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats import ngsim_windows as clocks
 from rampcast.formats.head import BYTE_ORDER_MARK
-from rampcast.formats.ngsim_layout import Layout, detect_layout
-from rampcast.formats.ngsim_rows import METRES_PER_FOOT, Parsed, Rules, parse_chunk, parse_lines, rules_of
+from rampcast.formats.ngsim_layout import RECORDED, Layout, detect_layout
+from rampcast.formats.ngsim_rows import Parsed, Rules, parse_chunk, parse_lines, rules_of
 from rampcast.formats.report import MOST_LISTED, BadRow, BadRows, ReadReport
 from rampcast.formats.sources import open_source, parse_ahead, read_chunks
 from rampcast.formats.unique import sorted_unique
+from rampcast.formats.units import FOOT
+from rampcast.formats.vehicles import with_sizes
 from rampcast.recording import Recording, Site
 from rampcast.recording import columns as c
 
@@ -70,9 +72,9 @@ def read_ngsim(paths: Sequence[Path], *, site: Site, bad_rows: BadRows = BadRows
         skipped=tuple(fault for file in files for fault in file.faults)[:MOST_LISTED],
         grouped_numbers=sum(file.grouped_numbers for file in files),
     )
-    rows = pl.concat([part for file in files for part in file.parts])
+    rows, filled = with_sizes(pl.concat([part for file in files for part in file.parts]))
     del files  # the parts are not needed beside the whole
-    return _assemble(rows, site, report)
+    return _assemble(rows, site, replace(report, sizes_filled=filled))
 
 
 def _read_file(path: Path, rules: Rules, bad_rows: BadRows) -> _File:
@@ -146,16 +148,23 @@ def _to_metres(rows: pl.DataFrame) -> pl.DataFrame:
     return rows.select(
         pl.col("vehicle_id").cast(pl.Int32).alias(c.VEHICLE),
         pl.col("frame_id").cast(pl.Int32).alias(c.FRAME),
-        (pl.col("local_y") * METRES_PER_FOOT).alias(c.X),
-        (pl.col("local_x") * -METRES_PER_FOOT).alias(c.Y),
+        (pl.col("local_y") * FOOT).alias(c.X),
+        (pl.col("local_x") * -FOOT).alias(c.Y),
         pl.col("lane_id").cast(pl.Int16).alias(c.LANE),
-        (pl.col("v_length") * METRES_PER_FOOT).cast(pl.Float32).alias(c.LENGTH),
-        (pl.col("v_width") * METRES_PER_FOOT).cast(pl.Float32).alias(c.WIDTH),
+        (pl.col("v_length") * FOOT).cast(pl.Float32).alias(c.LENGTH),
+        (pl.col("v_width") * FOOT).cast(pl.Float32).alias(c.WIDTH),
         _kind(pl.col("v_class")).alias(c.KIND),
+        *(_recorded(rows, name).alias(ours) for name, ours in zip(RECORDED, c.OPTIONAL_SCHEMA, strict=True)),
         (pl.col("global_time").cast(pl.Int64) - clocks.FRAME_MS * pl.col("frame_id").cast(pl.Int64)).alias(
             clocks.CLOCK
         ),
     )
+
+
+def _recorded(rows: pl.DataFrame, name: str) -> pl.Expr:
+    if name not in rows.columns:
+        return pl.lit(None, pl.Float32())
+    return (pl.col(name) * FOOT).cast(pl.Float32)
 
 
 def _kind(v_class: pl.Expr) -> pl.Expr:
@@ -177,10 +186,10 @@ def _check_file(file: _File, site: Site) -> None:
     if not rows:
         raise FormatError(f"{file.name}: the file has a header but no rows; get the file again")
     cars = pl.concat([part.filter(pl.col(c.KIND) == "car")[c.LENGTH] for part in file.parts])
-    median = float(np.median(cars.to_numpy())) / METRES_PER_FOOT if cars.len() else 0.0
+    median = float(np.median(cars.to_numpy())) / FOOT if cars.len() else 0.0
     if 0 < median < SHORTEST_CAR:
         raise FormatError(
-            f"{file.name}: half of the cars are shorter than {median:.1f} ft ({median * METRES_PER_FOOT:.1f} m): the "
+            f"{file.name}: half of the cars are shorter than {median:.1f} ft ({median * FOOT:.1f} m): the "
             "file seems to be in metres. Expected NGSIM's own feet: convert Local_X, Local_Y, v_Length and v_Width"
         )
 
@@ -190,13 +199,14 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
     table = clocks.clocks_of(rows)
     clocks.check_site(report.files[0], table, site)
     parts, duplicates, conflicts, slips, outside = [], 0, 0, 0, 0
+    columns = [*c.SCHEMA, *(name for name in c.OPTIONAL_SCHEMA if _is_known(rows[name]))]
     for window, part in clocks.split_windows(rows, table, site.window_bounds()).items():
-        part, removed, differing = sorted_unique(part)
+        name = f"{site.name}-{window}" if window else site.name
+        part, removed, differing = sorted_unique(part.with_columns(pl.lit(name).alias(c.RECORDING)))
         duplicates, conflicts = duplicates + removed, conflicts + differing
         slips += _slips(part)
         outside += part.height if window == clocks.OUTSIDE else 0
-        name = f"{site.name}-{window}" if window else site.name
-        parts.append(part.drop(clocks.CLOCK).with_columns(pl.lit(name).alias(c.RECORDING)).select(c.SCHEMA.keys()))
+        parts.append(part.select(columns))
     total = sum(part.height for part in parts)
     _check_slips(slips, total, report)
     report = replace(
@@ -209,6 +219,11 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
     )
     parts.sort(key=lambda part: str(part[c.RECORDING][0]))
     return Recording(tracks=pl.concat(parts), site=site, time_step=TIME_STEP, source=SOURCE), report
+
+
+def _is_known(recorded: pl.Series) -> bool:
+    """Returns whether a file gives speeds or accelerations at all: some are cut from sources without, and say 0."""
+    return bool((recorded != 0).any())
 
 
 def _slips(rows: pl.DataFrame) -> int:

@@ -28,14 +28,18 @@ TXT_COLUMNS = (
     "time_headway",
 )
 WANTED = ("vehicle_id", "frame_id", "global_time", "local_x", "local_y", "v_length", "v_width", "v_class", "lane_id")
+RECORDED = ("v_vel", "v_acc")  # read where a file has them
+NUMBERS = (*WANTED, *RECORDED)
 WHOLE_NUMBERS = ("vehicle_id", "frame_id", "global_time", "v_class", "lane_id")
 LOCATION = "location"
 ARTERIAL_COLUMNS = 24  # the text of Lankershim and Peachtree has six columns more, in the middle of the row
+MOST_NAMES, LONGEST_NAME = 50, 30  # of a header that are compared with those that are missing
 HEAD = 64 << 10  # [bytes] enough for any header and first row
 
 ADVICE = (
     "Expected an NGSIM file of a freeway: 18 columns of numbers separated by spaces, or a csv with a header that names "
-    "Vehicle_ID, Frame_ID, Global_Time, Local_X, Local_Y, v_Length, v_Width, v_Class and Lane_ID (docs/formats.md)"
+    "Vehicle_ID, Frame_ID, Global_Time, Local_X, Local_Y, v_Length, v_Width, v_Class and Lane_ID "
+    "(docs/formats/ngsim.md)"
 )
 
 
@@ -58,7 +62,12 @@ class Layout:
     @property
     def wanted(self) -> tuple[str, ...]:
         """Returns the columns to read, in the file's order."""
-        return tuple(name for name in self.names if name in (*WANTED, LOCATION))
+        return tuple(name for name in self.names if name in (*NUMBERS, LOCATION))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Returns the columns of numbers to read, in our order."""
+        return tuple(name for name in NUMBERS if name in self.names)
 
     @property
     def has_location(self) -> bool:
@@ -118,16 +127,18 @@ def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> La
     names = tuple(token.lower().replace(" ", "_") for token in tokens)
     missing = [column for column in WANTED if column not in names]
     if missing:
-        close = {column: difflib.get_close_matches(column, names, n=1) for column in missing}
+        likely = [name for name in names[:MOST_NAMES] if len(name) <= LONGEST_NAME]  # comparing takes long
+        close = {column: difflib.get_close_matches(column, likely, n=1) for column in missing}
         hint = "".join(f" Is '{match[0]}' meant to be {column}?" for column, match in close.items() if match)
         shown = ", ".join(token[:30] for token in tokens[:30])
         raise FormatError(
             f"{name}, line {blank + 1}: the columns {', '.join(missing)} are missing from the header.{hint} "
             f"Found {len(tokens)} columns: {shown!r}. {ADVICE}"
         )
-    twice = sorted({column for column in WANTED if names.count(column) > 1})
+    twice = sorted({column for column in (*NUMBERS, LOCATION) if names.count(column) > 1})
     if twice:
-        raise FormatError(f"{name}, line {blank + 1}: the header names the columns {', '.join(twice)} twice")
+        named = ", ".join(twice)
+        raise FormatError(f"{name}, line {blank + 1}: the header names the columns {named} twice; leave one out")
     kind = "NGSIM portal export" if LOCATION in names else "NGSIM csv"
     return Layout(f"{kind}, {len(names)} columns", separator, names, header_lines=blank + 1)
 

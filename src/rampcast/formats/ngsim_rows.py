@@ -9,27 +9,31 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from rampcast.formats.ngsim_layout import LOCATION, WANTED, WHOLE_NUMBERS, Layout
+from rampcast.formats.ngsim_layout import LOCATION, NUMBERS, WHOLE_NUMBERS, Layout
 from rampcast.formats.ngsim_text import Body, body_of
 from rampcast.formats.report import BadRow
+from rampcast.formats.units import FOOT
 from rampcast.recording import Site
 
-METRES_PER_FOOT = 0.3048
 PLAIN, GROUPED = "plain", "grouped"  # how a file writes numbers of 1,000 and more: 1234.5 or "1,234.5"
 GROUPED_NUMBER = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
-NARROW = dict.fromkeys(WANTED, pl.Float64()) | {  # as wide as a recording needs, which saves a conversion
+NARROW = dict.fromkeys(NUMBERS, pl.Float64()) | {  # as wide as a recording needs, which saves a conversion
     "vehicle_id": pl.Int32(),
     "frame_id": pl.Int32(),
     "global_time": pl.Int64(),
     "v_length": pl.Float32(),
     "v_width": pl.Float32(),
     "v_class": pl.Int8(),
+    "v_vel": pl.Float32(),
+    "v_acc": pl.Float32(),
     "lane_id": pl.Int16(),
 }
 NUL = "\ufffd"  # stands for a NUL byte where the csv module refuses one
 INT32 = 2.0**31 - 1
 LATEST = 4_102_444_800_000.0  # [ms since 1970] the year 2100
 LONGEST, WIDEST = 200.0, 30.0  # [ft] no road vehicle is larger
+FASTEST = 500.0  # [ft/s] no car drives 550 km/h; NGSIM writes up to 95.3 ft/s
+STRONGEST = 3000.0  # [ft/s^2] 93 g; NGSIM clips at 11.2 ft/s^2
 BESIDE = 50.0  # [m] positions this far beside the outer lanes are still believed
 BEYOND = 0.25  # share of the site's length by which a position may lie outside; the originals go 9 % beyond
 
@@ -67,7 +71,7 @@ class Parsed:
 
 def rules_of(site: Site) -> Rules:
     """Returns what a row of that site may hold."""
-    feet = 1 / METRES_PER_FOOT
+    feet = 1 / FOOT
     lateral = [-lane.centre for lane in site.lanes]
     ranges = {
         "vehicle_id": (0.0, INT32),
@@ -78,6 +82,8 @@ def rules_of(site: Site) -> Rules:
         "v_length": (0.0, LONGEST),
         "v_width": (0.0, WIDEST),
         "v_class": (1.0, 3.0),
+        "v_vel": (-FASTEST, FASTEST),
+        "v_acc": (-STRONGEST, STRONGEST),
     }
     return Rules(ranges, tuple(lane.number for lane in site.lanes), site.name, site.location.lower())
 
@@ -88,9 +94,11 @@ def parse_chunk(chunk: bytes, layout: Layout, rules: Rules) -> Parsed | None:
         return None
     body = body_of(chunk, layout)
     if not body.rows:
-        return Parsed(empty_rows(), {}, {}, body.lines)
+        return Parsed(empty_rows(layout), {}, {}, body.lines)
+    if not body.is_whole:  # polars would take long for it
+        return None
     table, grouped = (_read_grouped if b'"' in body.text else _read_plain)(body)
-    if table is None or table.height != body.rows or not body.is_whole:
+    if table is None or table.height != body.rows:
         return None
     rows, others = _this_location(table, body.layout, rules)
     extent = _extent(rows)
@@ -117,7 +125,7 @@ def parse_lines(
     lines = list(_split(chunk, layout, first_line))
     if layout.separator != " ":  # text has no thousands separators
         styles = {**_majority_styles(lines, layout), **styles}
-    good: dict[str, list[float]] = {name: [] for name in WANTED}
+    good: dict[str, list[float]] = {name: [] for name in layout.numbers}
     others: dict[str, int] = {}
     faults = []
     for number, cells in lines:
@@ -131,36 +139,37 @@ def parse_lines(
             continue
         for name, value in values.items():
             good[name].append(value)
-    rows = pl.DataFrame(good, schema=dict.fromkeys(WANTED, pl.Float64))
+    rows = pl.DataFrame(good, schema=dict.fromkeys(layout.numbers, pl.Float64))
     grouped = sum("," in cells[i] for _, cells in lines for i in _indices(layout) if i < len(cells))
     return Parsed(rows, others, styles, chunk.count(b"\n"), grouped, tuple(faults))
 
 
-def empty_rows() -> pl.DataFrame:
+def empty_rows(layout: Layout) -> pl.DataFrame:
     """Returns a table of no rows with the wanted columns."""
-    return pl.DataFrame(schema=dict.fromkeys(WANTED, pl.Float64))
+    return pl.DataFrame(schema=dict.fromkeys(layout.numbers, pl.Float64))
 
 
 def _read_plain(body: Body) -> tuple[pl.DataFrame | None, dict[str, int]]:
     table = _read_csv(body, NARROW)
     if table is None:  # csv written by other programs may say 2.0 for a whole number
-        table = _read_csv(body, dict.fromkeys(WANTED, pl.Float64()))
+        table = _read_csv(body, dict.fromkeys(NUMBERS, pl.Float64()))
     return table, {}
 
 
 def _read_grouped(body: Body) -> tuple[pl.DataFrame | None, dict[str, int]]:
     """Returns the table and how many numbers of each column are written as "1,234.5"; a mixed column is a fault."""
-    texts = _read_csv(body, dict.fromkeys(WANTED, pl.String()))
+    names = body.layout.numbers
+    texts = _read_csv(body, dict.fromkeys(names, pl.String()))
     if texts is None:
         return None, {}
-    counts = texts.select(pl.col(name).str.contains(GROUPED_NUMBER).sum() for name in WANTED).row(0, named=True)
+    counts = texts.select(pl.col(name).str.contains(GROUPED_NUMBER).sum() for name in names).row(0, named=True)
     grouped = {name: count for name, count in counts.items() if count}
     plain = (pl.when(pl.col(name).str.contains(GROUPED_NUMBER).not_()).then(pl.col(name)) for name in grouped)
     try:
         mixed = texts.select((p.cast(pl.Float64).abs() >= 1000).any() for p in plain)
         table = texts.with_columns(
             (pl.col(name).str.replace_all(",", "", literal=True) if name in grouped else pl.col(name)).cast(pl.Float64)
-            for name in WANTED
+            for name in names
         )
     except pl.exceptions.PolarsError:
         return None, {}
@@ -206,9 +215,10 @@ def _this_location(table: pl.DataFrame, layout: Layout, rules: Rules) -> tuple[p
 
 def _extent(rows: pl.DataFrame) -> dict[str, tuple[float, float]]:
     """Returns the smallest and largest number of each column; a column with NaN has no numbers at all."""
-    sizes = (agg.alias(f"{index} {name}") for name in WANTED for index, agg in enumerate(_least_and_most(name)))
+    names = [name for name in NUMBERS if name in rows.columns]
+    sizes = (agg.alias(f"{index} {name}") for name in names for index, agg in enumerate(_least_and_most(name)))
     found = rows.select(sizes).row(0, named=True) if rows.height else {}
-    return {name: (float(found[f"0 {name}"]), float(found[f"1 {name}"])) for name in WANTED if found}
+    return {name: (float(found[f"0 {name}"]), float(found[f"1 {name}"])) for name in names if found}
 
 
 def _least_and_most(name: str) -> tuple[pl.Expr, pl.Expr]:
@@ -217,14 +227,14 @@ def _least_and_most(name: str) -> tuple[pl.Expr, pl.Expr]:
 
 def _obeys(rows: pl.DataFrame, extent: Mapping[str, tuple[float, float]], rules: Rules) -> bool:
     """Returns whether all rows are as they should be; a comparison with NaN is False."""
-    within = all(low <= extent[n][0] and extent[n][1] <= high for n, (low, high) in rules.ranges.items() if extent)
+    within = all(low <= extent[n][0] and extent[n][1] <= high for n, (low, high) in rules.ranges.items() if n in extent)
     whole = [(pl.col(n) == pl.col(n).floor()).all() for n in WHOLE_NUMBERS if rows.schema[n] == pl.Float64]
     lanes = pl.col("lane_id").cast(pl.Float64).is_in([float(lane) for lane in rules.lanes]).all()
     return within and all(rows.select(**{str(i): check for i, check in enumerate([*whole, lanes])}).row(0))
 
 
 def _indices(layout: Layout) -> list[int]:
-    return [index for index, name in enumerate(layout.names) if name in WANTED]
+    return [index for index, name in enumerate(layout.names) if name in NUMBERS]
 
 
 def _split(chunk: bytes, layout: Layout, first_line: int) -> Iterator[tuple[int, list[str]]]:
@@ -235,8 +245,15 @@ def _split(chunk: bytes, layout: Layout, first_line: int) -> Iterator[tuple[int,
         if layout.separator == " ":
             yield number, line.split()
         else:
-            # a quote that is never closed would swallow the lines that follow: each line is read by itself
-            yield number, next(csv.reader([line.strip("\r").replace("\r", " ").replace("\0", NUL)]), [])
+            yield number, _csv_cells(line)
+
+
+def _csv_cells(line: str) -> list[str]:
+    """Returns the cells of one line: a quote that is never closed would swallow the lines that follow."""
+    try:
+        return next(csv.reader([line.strip("\r").replace("\r", " ").replace("\0", NUL)]), [])
+    except csv.Error:  # a cell of more than 128 KB
+        return [line]
 
 
 def _majority_styles(lines: list[tuple[int, list[str]]], layout: Layout) -> dict[str, str]:

@@ -13,6 +13,7 @@ from rampcast.formats.sources import open_source, read_chunks
 from rampcast.recording import Site, load_site, site_names
 
 LOOKED_AT = 100  # rows whose times are looked at
+DIGITS = 15  # of a time: in milliseconds since 1970 it has 13
 
 
 def guess_ngsim_site(paths: Sequence[Path]) -> Site:
@@ -50,7 +51,7 @@ def _times(chunk: bytes, layout: Layout) -> list[int]:
     lines = chunk.decode("latin-1").split("\n")[layout.header_lines : layout.header_lines + LOOKED_AT]
     rows = [line.split() if layout.separator == " " else line.split(layout.separator) for line in lines]
     cells = [row[index].strip('" ') for row in rows if len(row) > index]
-    return [int(cell) for cell in cells if cell.isascii() and cell.isdigit()]
+    return [int(cell) for cell in cells if cell.isascii() and cell.isdigit() and len(cell) <= DIGITS]
 
 
 def _locations(chunk: bytes, layout: Layout) -> set[str]:

@@ -53,7 +53,10 @@ class ReadReport:
         rows_off_road: rows left out because they lie on no lane of the site, as those of the opposite carriageway.
         rows_without_lane: rows kept beside the site's lanes, with lane 0.
         sizes_filled: rows whose length or width was missing or zero and is now that of their kind.
+        rows_not_vehicles: rows of pedestrians, cyclists and things that stand still, left out.
         vehicles_renumbered: vehicles whose id was no whole number and is now one, in the order of the old ids.
+        rows_off_frames: rows whose time lay on no frame of their own; rows interpolated to the frames stand for them.
+        rows_interpolated: those rows; all rows read and these are counted above, or are rows of the recording.
         rows: rows of the recording.
     """
 
@@ -71,7 +74,10 @@ class ReadReport:
     rows_off_road: int = 0
     rows_without_lane: int = 0
     sizes_filled: int = 0
+    rows_not_vehicles: int = 0
     vehicles_renumbered: int = 0
+    rows_off_frames: int = 0
+    rows_interpolated: int = 0
     rows: int = 0
 
     def to_dict(self) -> dict[str, Any]:

@@ -17,6 +17,8 @@ LONGEST_LINE = 64 << 10  # [bytes] a row of NGSIM has some 200
 GZIP_MAGIC = b"\x1f\x8b"
 ZIP_MAGIC = b"PK"
 DATA_SUFFIXES = (".txt", ".csv", ".json", ".xml")
+MOST_PACKED = 50  # times that text is larger than its archive; SUMO's xml, the most repetitive, packs 20 times
+SMALL = 64 << 20  # [bytes] of text that are never too many
 WORKERS = 2  # chunks parsed at the same time; more cost memory
 DAMAGED = (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError, NotImplementedError)
 
@@ -38,11 +40,37 @@ def open_source(path: Path) -> Iterator[tuple[str, BufferedIOBase]]:
         raw.seek(0)
         if magic == GZIP_MAGIC:
             with gzip.open(raw, "rb") as stream:
-                yield str(path), stream
+                yield str(path), _Unpacked(str(path), cast(BufferedIOBase, stream), path.stat().st_size)
         elif magic == ZIP_MAGIC:
             yield from _zip_member(path, raw)
         else:
             yield str(path), raw
+
+
+class _Unpacked(BufferedIOBase):
+    """What an archive holds; an archive that was made to fill the memory is not read to its end."""
+
+    def __init__(self, name: str, stream: BufferedIOBase, packed: int) -> None:
+        self._name = name
+        self._stream = stream
+        self._left = max(SMALL, MOST_PACKED * packed)
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Returns the next bytes."""
+        return self._counted(self._stream.read(size))
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """Returns the next bytes up to a line end."""
+        return self._counted(self._stream.readline(size))
+
+    def _counted(self, data: bytes) -> bytes:
+        self._left -= len(data)
+        if self._left < 0:
+            raise FormatError(
+                f"{self._name}: it is more than {MOST_PACKED} times as large as its archive: expected a recording, "
+                "which packs 4 to 20 times. If you know where it is from, unpack it and name the file in it"
+            )
+        return data
 
 
 def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iterator[bytes]:
@@ -53,7 +81,7 @@ def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iter
     """
     while True:
         try:
-            chunk = stream.read(size) + stream.readline(LONGEST_LINE)
+            chunk = _read_lines(stream, size)
         except DAMAGED as error:
             raise FormatError(f"{name}: the archive is damaged or cut off ({error}); get the file again") from error
         if not chunk:
@@ -64,6 +92,17 @@ def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iter
                 "line. Is this a binary file?"
             )
         yield chunk
+
+
+def _read_lines(stream: BufferedIOBase, size: int) -> bytes:
+    """Returns the next `size` bytes and the rest of the line that they end in."""
+    if not stream.seekable():
+        return stream.read(size) + stream.readline(LONGEST_LINE)
+    start = stream.tell()  # to look first where the line ends saves a copy, which takes longer than reading
+    stream.seek(start + size)
+    rest = len(stream.readline(LONGEST_LINE))
+    stream.seek(start)
+    return stream.read(size + rest)
 
 
 def read_start(name: str, stream: BufferedIOBase, *, size: int) -> bytes:
@@ -108,8 +147,9 @@ def _zip_member(path: Path, raw: BufferedIOBase) -> Iterator[tuple[str, Buffered
             stream = archive.open(names[0])
         except DAMAGED as error:
             raise FormatError(f"{path}: {names[0]} cannot be unpacked ({error})") from error
+        name = f"{path}: {names[0]}"
         with stream:
-            yield f"{path}: {names[0]}", cast(BufferedIOBase, stream)
+            yield name, _Unpacked(name, cast(BufferedIOBase, stream), path.stat().st_size)
 
 
 def _either(words: tuple[str, ...]) -> str:

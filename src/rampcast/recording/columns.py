@@ -21,6 +21,8 @@ E = "e"  # lateral acceleration [m/s^2]
 RECORDED_V = "recorded_v"  # speed as the source gives it [m/s]; only to check against the derived one
 RECORDED_A = "recorded_a"  # longitudinal acceleration as the source gives it [m/s^2]; likewise
 
+LARGEST = 2**31 - 1  # of vehicle and frame, which are 32 bit wide
+
 KINDS = ("motorcycle", "car", "truck")
 
 SCHEMA: dict[str, pl.DataType] = {

@@ -9,14 +9,15 @@ import polars as pl
 
 from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
-from rampcast.recording.recording import KEY, Recording
+from rampcast.recording.marks import BEFORE, DEPTH, STEP, TRACK, marked
+from rampcast.recording.recording import Recording
 from rampcast.recording.sites import Site
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, clean
 
 CLIPPED_ACCELERATION = 3.41  # [m/s^2] = 11.2 ft/s^2, where NGSIM clips its own v_Acc; method page, section 3
 LONG_ENOUGH = 19.0  # [s] 4 s of history and 15 s of horizon; the paper, section "Data Set"
-TRACK = (c.RECORDING, c.VEHICLE)
 ALL = "all"
+MOST_COLUMNS = 4  # windows side by side that a terminal has room for
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ class Quality:
 
 @dataclass(frozen=True)
 class QualityTable:
-    """A quality as text, for printing: column heads, and rows of a label and one cell per window."""
+    """A quality as text, for printing: column heads, and rows of a label and its cells."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -136,7 +137,8 @@ def quality(recording: Recording, *, cleaned: Recording | None = None) -> Qualit
         cleaned: the same recording smoothed, if the caller has it; None smooths a raw one here.
     """
     cleaned = cleaned or _cleaned(recording)
-    tracks, duplicates = _marked(recording)
+    tracks, repeats = marked(recording)
+    duplicates = dict(repeats.group_by(pl.col(c.RECORDING).cast(pl.String)).len().iter_rows())
     windows = []
     for name in recording.names:
         smoothed = None if cleaned is None else cleaned.tracks.filter(pl.col(c.RECORDING) == name)
@@ -147,8 +149,13 @@ def quality(recording: Recording, *, cleaned: Recording | None = None) -> Qualit
 
 
 def quality_table(found: Quality) -> QualityTable:
-    """Returns the counts of each window, of all together, and the paper's where it prints some, as text."""
+    """Returns the counts of each window, of all together, and the paper's where it prints some, as text.
+
+    Of many windows it is all together; `window_table` has a row for each of them.
+    """
     columns = (*found.windows, found.total) if len(found.windows) > 1 else found.windows
+    if len(found.windows) > MOST_COLUMNS:
+        columns = (found.total,)
     papers = {one.name: one.paper for one in columns if one.paper}
     rows = [(label, *(show(one) for one in columns)) for label, show in _ROWS.items()]
     for label, name in _PAPER_ROWS.items():
@@ -158,11 +165,19 @@ def quality_table(found: Quality) -> QualityTable:
     return QualityTable(("", *(one.name for one in columns)), tuple(rows))
 
 
+def window_table(found: Quality) -> QualityTable | None:
+    """Returns a row of counts for each window, as text, where there are too many for columns; None where not."""
+    if len(found.windows) <= MOST_COLUMNS:
+        return None
+    rows = ((one.name, *(_ROWS[label](one) for label in _WINDOW_COLUMNS.values())) for one in found.windows)
+    return QualityTable(("window", *_WINDOW_COLUMNS), tuple(rows))
+
+
 def lane_table(found: Quality) -> QualityTable:
     """Returns rows, vehicles and lateral position of each lane over all windows, as text."""
     heads = ("lane", "role", "rows", "vehicles", "median y [m]", "site's centre [m]")
     rows = (
-        (str(one.number), one.role, f"{one.rows:,}", f"{one.vehicles:,}", f"{one.median_y:.2f}", f"{one.centre:.2f}")
+        (str(one.number), one.role, f"{one.rows:,}", f"{one.vehicles:,}", f"{one.median_y:z.2f}", f"{one.centre:z.2f}")
         for one in found.total.lanes
     )
     return QualityTable(heads, tuple(rows))
@@ -177,49 +192,17 @@ def _cleaned(recording: Recording) -> Recording | None:
         return None
 
 
-def _marked(recording: Recording) -> tuple[pl.DataFrame, dict[str, int]]:
-    """Returns the tracks and the number of duplicate rows of each window, which are left out of the tracks.
-
-    The tracks have new columns: `step`, frames since the vehicle's row before; `before`, its raw acceleration [m/s^2];
-    `overlap`, whether its front is ahead of its leader's rear.
-    """
-    window = pl.col(c.RECORDING).cast(pl.Enum(recording.names))  # sorts and groups faster than text
-    tracks = recording.tracks.with_columns(window).sort(KEY, maintain_order=True)
-    repeated = tracks.select(_as_row_before(*KEY)).to_series()
-    duplicates = {str(name): count for name, count in tracks.filter(repeated).group_by(c.RECORDING).len().iter_rows()}
-    tracks = tracks.filter(~repeated)
-    step = pl.when(_as_row_before(*TRACK)).then(pl.col(c.FRAME) - pl.col(c.FRAME).shift(1))
-    tracks = tracks.with_columns(step=step, overlap=_overlaps(tracks))
-    x, inner = pl.col(c.X), (pl.col("step") == 1) & (pl.col("step").shift(-1) == 1)
-    second = (x.shift(-1) - 2 * x + x.shift(1)) / recording.time_step**2
-    return tracks.with_columns(before=pl.when(inner).then(second)), duplicates
-
-
-def _as_row_before(*names: str) -> pl.Expr:
-    return pl.all_horizontal(pl.col(name) == pl.col(name).shift(1) for name in names).fill_null(False)
-
-
-def _overlaps(tracks: pl.DataFrame) -> pl.Series:
-    """Returns for each row whether its front is ahead of the rear of the next vehicle ahead in its lane."""
-    lane = (c.RECORDING, c.FRAME, c.LANE)
-    ahead = tracks.select(*lane, c.X, c.LENGTH, row=pl.int_range(pl.len())).sort(*lane, c.X)
-    has_leader = _as_row_before(*lane).shift(-1, fill_value=False)
-    leader_rear = (pl.col(c.X) - pl.col(c.LENGTH)).shift(-1)
-    overlap = ahead.select("row", overlap=has_leader & (pl.col(c.X) > leader_rear).fill_null(False))
-    return overlap.sort("row")["overlap"]
-
-
 def _describe(
     name: str, recording: Recording, tracks: pl.DataFrame, smoothed: pl.DataFrame | None, *, duplicates: int
 ) -> WindowQuality:
     site, dt = recording.site, recording.time_step
     longest = round(LONGEST_FILLED_GAP / dt)
-    hole = pl.col("step").is_between(2, longest)
+    hole = pl.col(STEP).is_between(2, longest)
     counts = tracks.select(
         gaps=hole.sum(),
-        skipped_frames=(pl.col("step") - 1).filter(hole).sum(),
-        reused_ids=(pl.col("step") > longest).sum(),
-        overlaps=pl.col("overlap").sum(),
+        skipped_frames=(pl.col(STEP) - 1).filter(hole).sum(),
+        reused_ids=(pl.col(STEP) > longest).sum(),
+        overlaps=(pl.col(DEPTH) > 0).sum(),
         frames=pl.col(c.FRAME).n_unique(),
     ).row(0, named=True)
     beside = pl.col(c.X).is_between(site.gore, site.ramp_end) & (pl.col(c.LANE) == site.target_lane)
@@ -228,7 +211,7 @@ def _describe(
         beside=beside.any(),
         long=(pl.col(c.FRAME).max() - pl.col(c.FRAME).min()) * dt > LONG_ENOUGH,
     )
-    before = None if recording.is_smoothed else tracks["before"].drop_nulls()
+    before = None if recording.is_smoothed else tracks[BEFORE].drop_nulls()
     after = None if smoothed is None else smoothed[c.A]
     return WindowQuality(
         name=name,
@@ -305,6 +288,16 @@ _ROWS: Mapping[str, Callable[[WindowQuality], str]] = {
     "on-ramp vehicles": lambda one: f"{one.on_ramp_vehicles:,}",
     "on-ramp vehicles seen for more than 19 s": lambda one: f"{one.on_ramp_seen_19s:,}",
     "target-lane vehicles beside the ramp lane": lambda one: f"{one.target_lane_vehicles:,}",
+}
+_WINDOW_COLUMNS = {  # short heads of the rows that a table of many windows shows
+    "vehicles": "vehicles",
+    "rows": "rows",
+    "duration [s]": "duration [s]",
+    "gaps": "gaps up to 5 s",
+    "|a| > 8 before": "|a| > 8 m/s² before smoothing",
+    "after": "|a| > 8 m/s² after smoothing",
+    "overlaps": "overlaps with the leader [rows]",
+    "on-ramp": "on-ramp vehicles",
 }
 _PAPER_ROWS = {
     "on-ramp vehicles": "on_ramp_vehicles",

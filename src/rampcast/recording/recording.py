@@ -1,15 +1,18 @@
 """A recording: the trajectories of all vehicles of one or more windows of a site, as one table in SI units."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 import polars as pl
 
-from rampcast.errors import RecordingError
+from rampcast.errors import FormatError, RecordingError, SiteError
 from rampcast.recording import columns as c
 from rampcast.recording.files import write_whole
+from rampcast.recording.parquet import read_head, read_table
 from rampcast.recording.sites import Site, site_from_dict, site_to_dict
 
 KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
@@ -83,16 +86,34 @@ def concatenate(recordings: Sequence[Recording]) -> Recording:
 
 def write_recording(recording: Recording, path: Path) -> None:
     """Writes a recording as one parquet file with its site inside; whole or not at all."""
-    metadata = {
-        "file_version": FILE_VERSION,
-        "site": site_to_dict(recording.site),
-        "time_step": recording.time_step,
-        "source": recording.source,
-    }
+    metadata = file_metadata(recording.site, time_step=recording.time_step, source=recording.source)
     with write_whole(path) as partial:
-        recording.tracks.write_parquet(
-            partial, compression="zstd", compression_level=LEVEL, metadata={METADATA_KEY: json.dumps(metadata)}
-        )
+        recording.tracks.write_parquet(partial, compression="zstd", compression_level=LEVEL, metadata=metadata)
+
+
+def write_recordings(recordings: Sequence[Recording], path: Path) -> list[Path]:
+    """Writes recordings of the roads of one place and returns the files: of one road `path`, of several one each.
+
+    Of several, x.parquet becomes x-ROAD.parquet: what the names of the sites do not share.
+    """
+    files = road_files([recording.site for recording in recordings], Path(path))
+    for recording, file in zip(recordings, files, strict=True):
+        write_recording(recording, file)
+    return files
+
+
+def road_files(sites: Sequence[Site], path: Path) -> list[Path]:
+    """Returns the files for recordings of these roads of one place, named as `write_recordings` says."""
+    names = [site.name.split("-") for site in sites]
+    shared = sum(1 for _ in takewhile(lambda words: len(set(words)) == 1, zip(*names, strict=False)))
+    roads = ["-".join(words[shared:]) for words in names]
+    return [path] if len(names) == 1 else [path.with_name(f"{path.stem}-{road}{path.suffix}") for road in roads]
+
+
+def file_metadata(site: Site, *, time_step: float, source: str) -> dict[str, str]:
+    """Returns the metadata of a recording's parquet file."""
+    values = {"file_version": FILE_VERSION, "site": site_to_dict(site), "time_step": time_step, "source": source}
+    return {METADATA_KEY: json.dumps(values)}
 
 
 def read_recording(path: Path) -> Recording:
@@ -105,23 +126,56 @@ def read_recording(path: Path) -> Recording:
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
     try:
-        metadata = pl.read_parquet_metadata(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
+        _, metadata = read_head(path)
+    except FormatError as error:
         raise RecordingError(f"{path}: not a parquet file: {error}") from error
     if METADATA_KEY not in metadata:
         raise RecordingError(
             f"{path}: a parquet file, but not a rampcast recording; make one with `rampcast convert FILE --site i80 "
             "--out recording.parquet`"
         )
-    values = json.loads(metadata[METADATA_KEY])
-    if values["file_version"] != FILE_VERSION:
+    site, time_step, source = _described(path, metadata[METADATA_KEY])
+    return Recording(tracks=_checked(path, read_table(path)), site=site, time_step=time_step, source=source)
+
+
+def _described(path: Path, text: str) -> tuple[Site, float, str]:
+    """Returns the site, the time step [s] and the source that a recording's metadata name."""
+    try:
+        values = json.loads(text)
+        version = values["file_version"]
+        if version == FILE_VERSION:
+            site, time_step = site_from_dict(values["site"]), float(values["time_step"])
+            if not 0 < time_step < math.inf:
+                raise ValueError(f"the time step is {time_step} s")
+            return site, time_step, str(values["source"])
+    except (ValueError, TypeError, KeyError, RecursionError, SiteError) as error:
         raise RecordingError(
-            f"{path}: written in version {values['file_version']} of the recording file, this rampcast reads version "
-            f"{FILE_VERSION}; convert the original again"
-        )
-    return Recording(
-        tracks=pl.read_parquet(path),
-        site=site_from_dict(values["site"]),
-        time_step=float(values["time_step"]),
-        source=str(values["source"]),
+            f"{path}: its metadata '{METADATA_KEY}' is damaged ({error!r}); convert the original again"
+        ) from error
+    raise RecordingError(
+        f"{path}: written in version {version} of the recording file, this rampcast reads version {FILE_VERSION}; "
+        "convert the original again"
     )
+
+
+def _checked(path: Path, tracks: pl.DataFrame) -> pl.DataFrame:
+    """Returns the rows if they are as `write_recording` writes them."""
+    for name, kind in (c.SCHEMA | c.OPTIONAL_SCHEMA | c.SMOOTHED_SCHEMA).items():
+        if name not in tracks.columns:
+            found = "none" if name in c.SCHEMA else ""
+        else:
+            found = "" if tracks.schema[name] == kind else str(tracks.schema[name])
+        if found:
+            raise RecordingError(
+                f"{path}: expected a column '{name}' of type {kind}, found {found}; convert the original again"
+            )
+    if tracks.is_empty():
+        raise RecordingError(f"{path}: a recording without rows; convert the original again")
+    blank = [name for name in c.SCHEMA if tracks[name].has_nulls()]
+    wrong = blank or [name for name in (c.X, c.Y, c.LENGTH, c.WIDTH) if not tracks[name].is_finite().all()]
+    if wrong:
+        raise RecordingError(
+            f"{path}: the column '{wrong[0]}' has cells without a {'value' if blank else 'finite number'}: the file is "
+            "damaged. Convert the original again"
+        )
+    return tracks

@@ -4,6 +4,7 @@ A site is a TOML file. The shipped ones lie in ``site_data``; a user's own is gi
 """
 
 import math
+import re
 import tomllib
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
@@ -17,9 +18,15 @@ from jaxtyping import Float
 
 from rampcast.errors import SiteError
 from rampcast.recording.files import write_whole
+from rampcast.recording.site_values import check_site_values, close_name
 
 SITE_FOLDER = Path(__file__).parent / "site_data"
+PAIR = re.compile(r"\[\s+([-+.\w]+),\s+([-+.\w]+),\s+\]")  # a point, which the writer spreads over four lines
 NO_LANE = 0  # number of the lane of a vehicle that is in none of the site's lanes
+LANE_WIDTH = (
+    3.6  # [m] where a site or source does not tell it: a motorway's lanes are 3.5 to 3.75 m wide, 12 ft in the US
+)
+SAME_X, SAME_Y = 2.0, 1.0  # [m] by which one road may differ: half a car's length, a third of a lane's width
 RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
 
 
@@ -126,12 +133,13 @@ def load_site(name: str | Path) -> Site:
     path = Path(name) if str(name).endswith(".toml") else SITE_FOLDER / f"{name}.toml"
     if not path.is_file():
         raise SiteError(
-            f"there is no site '{name}'. Shipped sites: {', '.join(site_names())}; "
-            "or give the path of a site file that ends in .toml (see docs/formats.md, 'A site of your own')"
+            f"there is no site '{name}'{close_name(str(name), site_names()) or '.'} "
+            f"Shipped sites: {', '.join(site_names())}; "
+            "or give the path of a site file that ends in .toml (see docs/sites.md, 'A site of your own')"
         )
     try:
         return site_from_dict(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also of bytes that are no text, numbers of 5000 digits
         raise SiteError(f"{path}: not a TOML file: {error}") from error
     except SiteError as error:
         raise SiteError(f"{path}: {error}") from error
@@ -143,22 +151,18 @@ def site_from_dict(values: dict[str, Any]) -> Site:
     Raises:
         SiteError: a value is missing, unknown, or of the wrong kind.
     """
+    check_site_values(values)
     values = dict(values)
-    try:
-        site = Site(
-            lanes=tuple(_lane(lane) for lane in values.pop("lanes")),
-            windows=tuple(Window(**window) for window in values.pop("windows", ())),
-            notes=tuple(Note(**note) for note in values.pop("notes", ())),
-            lane_line=_points(values.pop("lane_line", ())),
-            reference=_points(values.pop("reference", ())),
-            merge_zone=_pair(values.pop("merge_zone", (math.nan, math.nan))),
-            **values,
-        )
-        _check(site)
-    except KeyError as error:
-        raise SiteError(f"the value {error} is missing") from error
-    except (TypeError, ValueError, IndexError) as error:
-        raise SiteError(f"a value is missing, unknown, or of the wrong kind: {error}") from error
+    site = Site(
+        lanes=tuple(_lane(lane) for lane in values.pop("lanes")),
+        windows=tuple(Window(**window) for window in values.pop("windows", ())),
+        notes=tuple(Note(**note) for note in values.pop("notes", ())),
+        lane_line=_points(values.pop("lane_line", ())),
+        reference=_points(values.pop("reference", ())),
+        merge_zone=_pair(values.pop("merge_zone", (math.nan, math.nan))),
+        **values,
+    )
+    _check(site)
     return site
 
 
@@ -172,6 +176,29 @@ def site_to_dict(site: Site) -> dict[str, Any]:
     return {name: value for name, value in values.items() if name not in absent}
 
 
+def differences(site: Site, other: Site) -> list[str]:
+    """Returns in which places two sites are not the same road, as "gore 118.0 m and 122.0 m"; none if they are.
+
+    Titles, notes and windows do not count, and values may differ by as much as a drawing of the road is wrong.
+    """
+    found = []
+    for name in ("length", "gore", "ramp_end"):
+        mine, its = getattr(site, name), getattr(other, name)
+        if not (abs(mine - its) <= SAME_X or (math.isnan(mine) and math.isnan(its))):
+            found.append(f"{name} {mine:.1f} m and {its:.1f} m")
+    if site.target_lane != other.target_lane:
+        found.append(f"target_lane {site.target_lane} and {other.target_lane}")
+    if site.ramp_lanes != other.ramp_lanes:
+        found.append(f"ramp lanes {list(site.ramp_lanes)} and {list(other.ramp_lanes)}")
+    lanes, others = ({lane.number: lane.centre for lane in one.lanes} for one in (site, other))
+    if lanes.keys() != others.keys():
+        found.append(f"lanes {list(lanes)} and {list(others)}")
+    for number, centre in lanes.items():
+        if number in others and abs(centre - others[number]) > SAME_Y:
+            found.append(f"centre of lane {number} {centre:.2f} m and {others[number]:.2f} m")
+    return found
+
+
 def write_site(site: Site, path: Path) -> None:
     """Writes a site file, which `load_site` reads; whole or not at all."""
     values = site_to_dict(site)
@@ -179,7 +206,7 @@ def write_site(site: Site, path: Path) -> None:
         if note["erratum"] is None:
             del note["erratum"]
     with write_whole(Path(path)) as partial:
-        partial.write_text(tomli_w.dumps(values), encoding="utf-8")
+        partial.write_text(PAIR.sub(r"[\1, \2]", tomli_w.dumps(values)), encoding="utf-8")
 
 
 def _lane(values: dict[str, Any]) -> Lane:
@@ -200,22 +227,37 @@ def _check(site: Site) -> None:
         raise SiteError("reference needs two points [x, y] or more, in the order of travel")
     if site.has_ramp:
         _check_ramp(site, [lane.number for lane in site.lanes])
-    elif site.target_lane != NO_LANE or site.lane_line:
-        raise SiteError("no lane has the role 'ramp'; give it to one, or leave out target_lane and lane_line")
+    elif site.target_lane != NO_LANE or site.lane_line or not all(map(math.isnan, _places(site))):
+        raise SiteError(f"no lane has the role 'ramp'; give it to one, or leave out {', '.join(RAMP_VALUES)}")
     try:
         site.window_bounds()
     except (ValueError, KeyError) as error:
         raise SiteError(f"a window's time or the time zone cannot be read: {error}") from error
 
 
+def _places(site: Site) -> tuple[float, ...]:
+    return (site.gore, site.ramp_end, *site.merge_zone)
+
+
 def _check_ramp(site: Site, numbers: list[int]) -> None:
-    for name in RAMP_VALUES[:2]:
-        if math.isnan(getattr(site, name)):
+    absent = {
+        "gore": math.isnan(site.gore),
+        "ramp_end": math.isnan(site.ramp_end),
+        "merge_zone": math.isnan(site.merge_zone[0]),
+        "target_lane": site.target_lane == NO_LANE,
+        "lane_line": not site.lane_line,
+    }
+    for name, is_absent in absent.items():
+        if is_absent:
             raise SiteError(f"the value '{name}' is missing; a site with a ramp lane needs it")
-    if site.target_lane not in numbers:
-        raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {numbers}")
+    if site.target_lane not in numbers or site.target_lane in site.ramp_lanes:
+        others = [number for number in numbers if number not in site.ramp_lanes]
+        raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {others} beside the ramp")
     if not site.gore < site.ramp_end <= site.length:
-        raise SiteError(f"expected gore < ramp_end <= length, got {site.gore}, {site.ramp_end}, {site.length}")
+        raise SiteError(
+            "expected gore < ramp_end <= length, got "
+            f"gore = {site.gore}, ramp_end = {site.ramp_end}, length = {site.length}"
+        )
     xs = [x for x, _ in site.lane_line]
-    if len(xs) < 1 or xs != sorted(xs):
-        raise SiteError("lane_line needs at least one point [x, y], in order of growing x")
+    if xs != sorted(xs):
+        raise SiteError(f"lane_line: expected points [x, y] in order of growing x, got x = {xs}")

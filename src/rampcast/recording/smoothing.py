@@ -15,12 +15,14 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
 from rampcast.recording.recording import KEY, Recording
+from rampcast.recording.resampling import EVEN_STEP, resample
 
 HALF_WINDOW = 1.0  # [s] 21 samples at 10 Hz; the paper gives none, fixed on the method page, section 3
 WINDOW = 21  # samples at 10 Hz
 ORDER = 3  # likewise
 STEP = 0.2  # [s] the paper, section "Data Set"
 LONGEST_FILLED_GAP = 5.0  # [s] a longer hole is more likely a reused id than a lost vehicle: it is left open
+SAME_STEP = 1e-9  # [s] times that differ by less are the same
 SHORTEST_TRACK = 5  # frames; the fewest that a cubic can smooth
 IMPOSSIBLE_ACCELERATION = 8.0  # [m/s^2] about the grip of a dry road (mu = 0.8); no road vehicle exceeds it
 
@@ -36,6 +38,7 @@ class CleaningReport:
         open_gaps: holes longer than `LONGEST_FILLED_GAP`, left open.
         short_tracks: tracks of fewer than `SHORTEST_TRACK` frames, left out.
         short_track_rows: rows of those.
+        resampled_rows: rows at 0.1 s made from frames of a rate that does not fit 0.2 s; 0 at any other rate.
         mean_shift_x, mean_shift_y, largest_shift_x, largest_shift_y: |smoothed - raw| over observed rows [m].
         impossible_before, impossible_after: share of rows with |a| above `IMPOSSIBLE_ACCELERATION`.
     """
@@ -46,6 +49,7 @@ class CleaningReport:
     open_gaps: int
     short_tracks: int
     short_track_rows: int
+    resampled_rows: int
     mean_shift_x: float
     mean_shift_y: float
     largest_shift_x: float
@@ -60,29 +64,35 @@ def clean(recording: Recording) -> tuple[Recording, CleaningReport]:
     The filter is centred: a state knows of the second that follows it. To forecast without that, cut the recording at
     the moment of the forecast first; docs/methods.md, section 2, says how much it matters.
 
+    Tracks whose time step does not divide 0.2 s are interpolated to 0.1 s first.
+
     Source: method page, section 3; the paper, section "Data Set".
 
     Raises:
-        RecordingError: it is already smoothed, has no rows, or its time step does not divide 0.2 s.
+        RecordingError: it is already smoothed, has no rows, or its time step is longer than 0.2 s.
     """
-    every = _sampling(recording)
+    _check(recording)
     unique = recording.tracks.unique(subset=KEY, keep="first", maintain_order=True).sort(KEY)
     starts = _track_starts(unique, longest_gap=round(LONGEST_FILLED_GAP / recording.time_step))
     kept, kept_starts, short_tracks = _without_short_tracks(unique, starts)
     filled, starts = _fill_gaps(kept, kept_starts)
-    raw = {name: filled[name].to_numpy() for name in (c.X, c.Y)}
-    derived = _derive(raw, starts, time_step=recording.time_step)
-    smoothed = filled.with_columns(**{name: pl.Series(values) for name, values in derived.items()})
+    open_gaps = len(starts) + short_tracks - unique.select(KEY[:2]).unique().height
+    even, starts, time_step, too_short = _evenly(filled, starts, recording.time_step)
+    raw = {name: even[name].to_numpy() for name in (c.X, c.Y)}
+    derived = _derive(raw, starts, time_step=time_step)
+    smoothed = even.with_columns(**{name: pl.Series(values) for name, values in derived.items()})
+    every = round(STEP / time_step)
     sampled = smoothed.filter(pl.col(c.FRAME) % every == 0).with_columns(pl.col(c.FRAME) // every)
     report = CleaningReport(
         rows=recording.tracks.height,
         duplicate_rows=recording.tracks.height - unique.height,
         filled_rows=filled.height - kept.height,
-        open_gaps=len(starts) + short_tracks - unique.select(KEY[:2]).unique().height,
-        short_tracks=short_tracks,
+        open_gaps=open_gaps,
+        short_tracks=short_tracks + too_short,
         short_track_rows=unique.height - kept.height,
-        **_shifts(raw, derived, filled[c.OBSERVED].to_numpy()),
-        impossible_before=_share_impossible(_second_derivative(raw[c.X], starts, time_step=recording.time_step)),
+        resampled_rows=even.height if time_step != recording.time_step else 0,
+        **_shifts(raw, derived, even[c.OBSERVED].to_numpy()),
+        impossible_before=_share_impossible(_second_derivative(raw[c.X], starts, time_step=time_step)),
         impossible_after=_share_impossible(derived[c.A]),
     )
     tracks = sampled.select(c.SMOOTHED_SCHEMA.keys()).cast(pl.Schema(c.SMOOTHED_SCHEMA))
@@ -135,15 +145,31 @@ def derivative(
     return slope
 
 
-def _sampling(recording: Recording) -> int:
+def _check(recording: Recording) -> None:
     if recording.is_smoothed:
         raise RecordingError("this recording is smoothed already; clean the raw one")
     if recording.tracks.is_empty():
         raise RecordingError("this recording has no rows, so there is nothing to smooth")
-    every = round(STEP / recording.time_step)
-    if every < 1 or abs(every * recording.time_step - STEP) > 1e-9:
-        raise RecordingError(f"expected a time step that divides {STEP} s, got {recording.time_step} s")
-    return every
+    if not 0 < recording.time_step <= STEP + SAME_STEP:
+        raise RecordingError(
+            f"expected a time step of up to {STEP} s, got {recording.time_step:g} s: too much happens between two such "
+            "frames. Export the recording at 10 Hz or more (SUMO: --step-length 0.1)"
+        )
+
+
+def _divides_sampling(time_step: float) -> bool:
+    return abs(round(STEP / time_step) * time_step - STEP) <= SAME_STEP
+
+
+def _evenly(
+    tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_step: float
+) -> tuple[pl.DataFrame, Int[np.ndarray, "kept"], float, int]:
+    """Returns the tracks at a time step that divides 0.2 s, the starts, that step [s], and the tracks left out."""
+    if _divides_sampling(time_step):
+        return tracks, starts, time_step, 0
+    even, even_starts = resample(tracks, starts, time_step=time_step)
+    even, even_starts, _ = _without_short_tracks(even, even_starts)
+    return even, even_starts, EVEN_STEP, len(starts) - len(even_starts)
 
 
 def _track_starts(tracks: pl.DataFrame, *, longest_gap: int) -> Int[np.ndarray, "track"]:

@@ -13,6 +13,7 @@ from rampcast.report.longitudinal import (
     scenes_per_horizon,
 )
 from rampcast.report.report import read_tables, write_report
+from rampcast.report.site_picture import site_picture, write_site_picture
 from rampcast.report.tracks import plot_forecast, scene_tracks, space_time
 
 __all__ = [
@@ -34,6 +35,8 @@ __all__ = [
     "scene_tracks",
     "scenes_per_horizon",
     "site_geometry",
+    "site_picture",
     "space_time",
     "write_report",
+    "write_site_picture",
 ]

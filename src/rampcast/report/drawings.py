@@ -12,6 +12,8 @@ PREDICTED = "#FBE3B0"  # a pale orange: predicted for neighbours
 RESULT = "#BFE5D8"  # a pale green: results
 PLAIN = "#F1F1F1"
 ROAD = "#EFEFEF"
+LANE_WIDTH = 3.66  # [m] 12 ft, the usual width of a US lane
+WIDEST = 5.0  # [m] of a lane in a drawing
 CAR = (0.72, 0.32)  # length and width in the drawing's units
 
 NEIGHBOURS = (
@@ -86,7 +88,10 @@ def framework(*, ax: Axes | None = None) -> Axes:
 
 @style.styled
 def site_geometry(site: Site, *, ax: Axes | None = None) -> Axes:
-    """Draws the lanes, the ramp and the merge zone of a site in its own coordinates (Figure 5) and returns the axes."""
+    """Draws the lanes, the ramp and the merge zone of a site in its own coordinates (Figure 5) and returns the axes.
+
+    Of a site without a ramp these are the lanes.
+    """
     ax = ax or style.new_axes(width=7.4, height=3.1)
     edges = _edges(site)
     for lane in site.lanes:
@@ -97,9 +102,10 @@ def site_geometry(site: Site, *, ax: Axes | None = None) -> Axes:
         ax.add_patch(Rectangle((start, low), end - start, high - low, facecolor=fill, edgecolor="white", linewidth=1.2))
         ax.text(site.length * 0.006 + start, lane.centre, _lane_text(site, lane), fontsize=7.5, va="center")
     bottom, top = min(low for low, _ in edges.values()), max(high for _, high in edges.values())
-    _mark_ramp(ax, site, bottom, top)
+    if site.has_ramp:
+        _mark_ramp(ax, site, bottom, top)
     ax.set_xlim(-0.01 * site.length, 1.01 * site.length)
-    ax.set_ylim(bottom - 1.0, top + 0.27 * (top - bottom))
+    ax.set_ylim(bottom - 1.0, top + (0.27 * (top - bottom) if site.has_ramp else 1.0))
     ax.set(xlabel="position x along the road, travel to the right [m]", ylabel="lateral position y [m]")
     ax.grid(visible=False)
     return ax
@@ -128,7 +134,8 @@ def _mark_ramp(ax: Axes, site: Site, bottom: float, top: float) -> None:
 
 def _edges(site: Site) -> dict[int, tuple[float, float]]:
     centres = sorted({lane.centre for lane in site.lanes})
-    widths = np.diff(centres) if len(centres) > 1 else np.array([3.66])  # 12 ft, the usual width of a US lane
+    widths = np.diff(centres) if len(centres) > 1 else np.array([LANE_WIDTH])
+    widths = np.minimum(widths, WIDEST)  # lanes that are farther apart have something between them
     sides = zip(centres, [widths[0], *widths], [*widths, widths[-1]], strict=True)
     bounds = {centre: (centre - below / 2, centre + above / 2) for centre, below, above in sides}
     return {lane.number: bounds[lane.centre] for lane in site.lanes}
@@ -136,6 +143,8 @@ def _edges(site: Site) -> dict[int, tuple[float, float]]:
 
 def _extent(site: Site, lane: Lane) -> tuple[float, float]:
     """Returns where a lane begins and ends [m]: a site file gives these for the ramp only, the rest is schematic."""
+    if not site.has_ramp:
+        return (0.0, site.length)
     beside = min(
         (n for n in site.lanes if n.role == "ramp"), key=lambda n: abs(n.centre - site.lane_centre(site.target_lane))
     )

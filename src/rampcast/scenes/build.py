@@ -42,17 +42,26 @@ def build_scenes(recording: Recording, *, every: float = 1.0, future: int = FUTU
     return build_scenes_at(recording, find_anchors(recording, every=every), future=future)
 
 
+def need_ramp(recording: Recording) -> None:
+    """Checks that vehicles merge where the recording was made.
+
+    Raises:
+        RecordingError: its site has no ramp.
+    """
+    if not recording.site.has_ramp:
+        raise RecordingError(
+            f"site '{recording.site.name}' has no lane of role 'ramp': there is no merge to forecast; say which lane "
+            "is the ramp, and where it ends, with `rampcast site`"
+        )
+
+
 def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray, "scene"]:
     """Returns the rows of the recording at which a scene can be anchored; see `build_scenes`."""
     if not recording.is_smoothed:
         raise RecordingError(
             "scenes need velocities: smooth the recording first, `recording, report = clean(recording)`"
         )
-    if not recording.site.has_ramp:
-        raise RecordingError(
-            f"site '{recording.site.name}' has no lane of role 'ramp': there is no merge to forecast; say which lane "
-            "is the ramp, and where it ends, with `rampcast site`"
-        )
+    need_ramp(recording)
     spacing = round(every / STEP)
     if spacing < 1 or abs(spacing * STEP - every) > 1e-6:
         raise RecordingError(f"expected anchors every multiple of {STEP} s, got every {every} s")

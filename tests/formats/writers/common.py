@@ -1,5 +1,7 @@
 """What the writers of several formats need."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 
@@ -41,3 +43,8 @@ def planar(recording: Recording) -> pl.DataFrame:
     behind_x, behind_y = in_plane(line, x - 0.5, y)
     heading = np.arctan2(ahead_y - behind_y, ahead_x - behind_x)
     return tracks.with_columns(px=pl.Series(px), py=pl.Series(py), heading=pl.Series(heading))
+
+
+def lanes_by_number(site: Site) -> Site:
+    """Returns the site for a source that calls each lane by its number."""
+    return replace(site, lanes=tuple(replace(lane, sources=(str(lane.number),)) for lane in site.lanes))

@@ -1,0 +1,19 @@
+"""The command line. Each command calls public functions; everything heavy is imported when a command runs."""
+
+import sys
+
+from rampcast import terminal
+from rampcast.cli import data, forecasting
+from rampcast.cli.app import app
+from rampcast.errors import RampcastError
+
+__all__ = ["app", "data", "forecasting", "main"]
+
+
+def main() -> None:
+    """Runs the command line; a user's mistake is one message and exit code 2."""
+    try:
+        app()
+    except (RampcastError, OSError) as error:  # an OSError names the path: no such folder, no right to write, disk full
+        terminal.complain(str(error))
+        sys.exit(2)

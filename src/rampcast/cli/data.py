@@ -1,0 +1,251 @@
+"""Commands about data: reading, checking, sites, downloads, simulation."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rampcast import terminal
+from rampcast.cli.app import app
+from rampcast.cli.options import (
+    Files,
+    FormatName,
+    Gore,
+    MappingFile,
+    MergeZone,
+    Mirrored,
+    OutFile,
+    OutFolder,
+    Seed,
+    SiteFile,
+    SiteName,
+    SkipBadRows,
+    TargetLane,
+    writable_folder,
+)
+from rampcast.cli.reading import bad_rows_of, named_site, read_road, read_roads, user_command, warn_if_off_road
+from rampcast.errors import SiteError
+
+if TYPE_CHECKING:
+    from rampcast.recording import Recording
+
+SHORTEST_RAMP = 30.0  # [m] beside the target lane: less than two seconds at the speed of those that merge
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast inspect trajectories-0400-0415.txt\n\nrampcast inspect i80.parquet --json > i80.json"
+)
+def inspect(
+    files: Files,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print json instead of tables; of several roads: qualities.")
+    ] = False,
+) -> None:
+    """Prints what is in a recording and how good it is, road by road."""
+    from rampcast.recording.quality import quality
+
+    with terminal.progress("read and check"):
+        recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)
+        found = [quality(recording) for recording in recordings]
+    if json:
+        values = [one.to_dict() for one in found]
+        roads = {"quality": values[0]} if len(values) == 1 else {"qualities": values}
+        terminal.print_json({"reading": report.to_dict(), **roads})
+        return
+    terminal.print_reading(report)
+    for one in found:
+        terminal.print_quality(one)
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast convert trajectories-*.txt --site i80 --out i80.parquet\n\n"
+    "rampcast convert table.csv --mapping table.toml --out table.parquet"
+)
+def convert(
+    files: Files,
+    out: OutFile,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+) -> None:
+    """Reads recordings of one place and writes a parquet file of each road (several: x-ROAD.parquet for x.parquet)."""
+    from rampcast.formats import convert_all
+
+    with terminal.progress(f"convert to {out}"):
+        written, report = convert_all(
+            files, out, site=named_site(site), format=format, mapping=mapping, bad_rows=bad_rows_of(skip_bad_rows)
+        )
+    terminal.print_reading(report)
+    warn_if_off_road(report, site)
+    terminal.print_written(written)
+
+
+@app.command(epilog="Example:\n\nrampcast formats --json")
+def formats(json: Annotated[bool, typer.Option("--json", help="Print json instead of a table.")] = False) -> None:
+    """Lists the formats that rampcast reads."""
+    from rampcast.formats import FORMATS
+
+    if json:
+        entries = FORMATS.values()
+        known = [{"name": one.name, "title": one.title, "reads": one.reads, "page": one.page} for one in entries]
+        terminal.print_json({"formats": known})
+    else:
+        terminal.print_formats()
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast site 26_tracks.csv --road lower --out my.toml\n\n"
+    "rampcast site 26_tracks.csv --road lower --ramp-lane 4 --gore 120 --ramp-end 300 --out my.toml"
+)
+def site(
+    files: Files,
+    out: SiteFile,
+    road: Annotated[str | None, typer.Option("--road", help="Which road, if there are several.")] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the site. Default: as drafted.")] = None,
+    ramp_lane: Annotated[list[int] | None, typer.Option("--ramp-lane", help="Lane of the ramp; once for each.")] = None,
+    target_lane: TargetLane = None,
+    gore: Gore = None,
+    ramp_end: Annotated[float | None, typer.Option("--ramp-end", help="x where the ramp lane ends \\[m].")] = None,
+    merge_zone: MergeZone = None,
+    speed_limit: Annotated[float | None, typer.Option("--speed-limit", min=1.0, help="Speed limit \\[m/s].")] = None,
+    mirrored: Mirrored = False,
+    no_ramp: Annotated[bool, typer.Option("--no-ramp", help="Write a site without a ramp.")] = False,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Picture. Default: OUT with .png.")] = None,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+) -> None:
+    """Writes a site file from a recording, with a picture to check it by eye; asks for the ramp if it is not given."""
+    from rampcast.recording.ramps import RampValues, without_ramp
+    from rampcast.recording.ramps import mirrored as turned
+
+    _check_site_name(out)
+    values = RampValues(tuple(ramp_lane or ()), target_lane, gore, ramp_end, merge_zone)
+    if no_ramp and values != RampValues():
+        raise SiteError("--no-ramp writes a site without a ramp: leave it out, or --ramp-lane and what goes with it")
+    picture = picture or out.with_suffix(".png")
+    recording = read_road(files, road, site, skip_bad_rows, format, mapping)
+    recording = turned(recording) if mirrored else recording
+    if not no_ramp and not values.or_of(recording.site).lanes:
+        _write_draft(recording, picture)
+    made = without_ramp(recording.site) if no_ramp else terminal.site_with_ramp(recording, values)
+    made = replace(made, name=name or made.name, speed_limit=speed_limit or made.speed_limit)
+    _write_site(replace(recording, site=made), out, picture)
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast doctor trajectories-0400-0415.txt --out out/doctor\n\n"
+    "rampcast doctor data.csv --mapping my.toml --json > doctor.json"
+)
+def doctor(
+    files: Files,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", callback=writable_folder, help="Folder for a page with pictures and all places."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print json instead of tables.")] = False,
+) -> None:
+    """Says what is wrong with a recording, where, and what to do; exit code 1 if it would spoil a forecast."""
+    from rampcast.evaluate.doctor import examine_all, spoils
+
+    with terminal.progress("read and examine"):
+        read = read_roads(files, site, True, format, mapping)
+        diagnoses, in_files = examine_all(*read)
+    terminal.print_diagnoses(diagnoses, in_files, read[1], out=out, as_json=json, command=user_command())
+    if spoils(diagnoses, in_files):
+        raise typer.Exit(1)
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast download --list\n\nrampcast download ngsim-i80 --out data   "
+    "(call it again after an interruption)\n\nrampcast download tgsim-i395 --out data --limit-rows 100000"
+)
+def download(
+    name: Annotated[str | None, typer.Argument(help="Name of a data set; --list shows them.")] = None,
+    out: OutFolder = Path("."),
+    limit_rows: Annotated[
+        int | None, typer.Option("--limit-rows", min=1, help="Get so many rows only, to try.")
+    ] = None,
+    list: Annotated[bool, typer.Option("--list", help="Show the data sets, or NAME; get none.")] = False,
+    portal: Annotated[
+        str | None, typer.Option("--portal", envvar="RAMPCAST_PORTAL", help="Address of a copy of the portal.")
+    ] = None,
+) -> None:
+    """Gets a public data set by name and checks it; goes on where it was interrupted."""
+    from rampcast.download import PORTAL, kept
+    from rampcast.download import download as run
+
+    if list or name is None:
+        terminal.print_data_sets(name)
+        return
+    try:
+        with terminal.progress() as tell:
+            found = run(name, out, limit=limit_rows, portal=portal or PORTAL, tell=tell, note=terminal.note)
+    except KeyboardInterrupt:
+        terminal.complain(kept(name, out, limit=limit_rows))
+        raise typer.Exit(130) from None  # as a shell counts Ctrl-C
+    terminal.print_download(found, out)
+
+
+@app.command(epilog="Example:\n\nrampcast simulate --site i80 --minutes 15 --seed 1 --out recording.parquet")
+def simulate(
+    out: OutFile,
+    site: Annotated[str, typer.Option("--site", help="A site's name, or a .toml file.")] = "i80",
+    minutes: Annotated[float, typer.Option("--minutes", min=0.1, help="Length of the recording \\[min].")] = 15.0,
+    seed: Seed = 1,
+    window: Annotated[str, typer.Option("--window", help="Name of the window.")] = "1",
+    noise: Annotated[float, typer.Option("--noise", min=0.0, help="Standard deviation of position noise \\[m].")] = 0.0,
+) -> None:
+    """Simulates a recording of a site with SUMO (needs [bold]pip install "rampcast\\[sumo]"[/])."""
+    from rampcast.recording import load_site, write_recording
+    from rampcast.simulate import simulate as run
+
+    with terminal.progress() as tell:
+        recording = run(
+            load_site(site),
+            minutes=minutes,
+            seed=seed,
+            window=window,
+            position_noise=noise,
+            progress=lambda share: tell("simulate", round(100 * share), 100),
+        )
+        write_recording(recording, out)
+    terminal.say(f"wrote {out}: {recording.tracks.height:,} rows of simulated traffic")
+
+
+def _check_site_name(out: Path) -> None:
+    if out.suffix != ".toml":
+        raise SiteError(f"--out: a site file's name ends in .toml, got {out}")
+
+
+def _write_draft(recording: "Recording", picture: Path) -> None:
+    """Writes the picture of the drafted lanes, to choose that of the ramp by eye."""
+    from rampcast.report import write_site_picture
+
+    write_site_picture(recording, picture)
+    terminal.note(f"wrote {picture}: the drafted lanes")
+
+
+def _write_site(recording: "Recording", out: Path, picture: Path) -> None:
+    from rampcast.recording import write_site
+    from rampcast.report import write_site_picture
+
+    write_site(recording.site, out)
+    write_site_picture(recording, picture)
+    length = recording.site.ramp_end - recording.site.gore
+    if length < SHORTEST_RAMP:  # never true of a site without a ramp: its length is not known
+        terminal.warn(
+            f"gore and ramp_end of {out} are {length:.0f} m apart, which is short "
+            "for a ramp: look where the ramp lane ends, and give --gore and --ramp-end"
+        )
+    terminal.say(f"wrote {out} and {picture}: look at the picture before you use the site")

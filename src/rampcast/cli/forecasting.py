@@ -1,0 +1,189 @@
+"""Commands that train, forecast and score."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rampcast import terminal
+from rampcast.cli.app import app
+from rampcast.cli.options import (
+    Batch,
+    Epochs,
+    Every,
+    Files,
+    FormatName,
+    MappingFile,
+    ModelFolder,
+    OutFolder,
+    RecordingFile,
+    Seed,
+    SiteName,
+    SkipBadRows,
+    Stride,
+)
+from rampcast.cli.reading import bad_rows_of, named_site, read_smoothed, user_command
+from rampcast.physics.mode import Mode
+
+if TYPE_CHECKING:
+    from rampcast.forecast.forecaster import TrainingSpec
+
+
+@app.command(epilog="Example:\n\nrampcast train window1.parquet window3.parquet --out model --mode corrected")
+def train(
+    recordings: Files,
+    out: OutFolder,
+    mode: Annotated[Mode, typer.Option(help="Which reading of the paper.")] = Mode.CORRECTED,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+    epochs: Epochs = 25,
+    batch: Batch = 32,
+    stride: Stride = 1,
+    seed: Seed = 1,
+) -> None:
+    """Trains a forecaster: two neighbour LSTMs and 32 lane-change forests."""
+    from rampcast.forecast.forecaster import fit_forecaster
+    from rampcast.forecast.storage import save
+
+    with terminal.progress() as tell:
+        recording = read_smoothed(recordings, site, skip_bad_rows, format, mapping)
+        spec = training_spec(epochs, batch, stride, seed)
+        save(fit_forecaster(recording, mode=mode, spec=spec, progress=tell), out)
+    terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
+
+
+@app.command(
+    epilog="Example:\n\nrampcast forecast --model model --recording 2.parquet --every 1.0 --out forecasts --csv"
+)
+def forecast(
+    model: ModelFolder,
+    recording: RecordingFile,
+    out: OutFolder,
+    every: Every = 1.0,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
+) -> None:
+    """Forecasts every on-ramp vehicle at every anchor time; writes forecast.parquet and lane_change.parquet."""
+    from rampcast.forecast.storage import load
+    from rampcast.recording.files import write_table
+    from rampcast.scenes import build_scenes
+
+    with terminal.progress("forecast"):
+        forecaster = load(model)
+        smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
+        result = forecaster.predict(build_scenes(smoothed, every=every))
+        tables = {"forecast": result.position_table(), "lane_change": result.lane_change_table()}
+        written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
+    terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")
+
+
+@app.command(epilog="Example:\n\nrampcast evaluate --model model --recording window2.parquet --out scores")
+def evaluate(
+    model: ModelFolder,
+    recording: RecordingFile,
+    out: OutFolder,
+    every: Every = 1.0,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+    seed: Seed = 1,
+) -> None:
+    """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
+    from rampcast.forecast.storage import load
+    from rampcast.reproduce import score
+
+    with terminal.progress("forecast and score"):
+        forecaster = load(model)
+        smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
+        result, page = score(forecaster, smoothed, out, every=every, seed=seed, command=user_command())
+    terminal.print_errors(result.tables["longitudinal"])
+    terminal.say(f"wrote {page}")
+
+
+@app.command(
+    epilog="Example:\n\nrampcast reproduce --data ngsim/ --out out/i80   (call it again after an interruption)"
+)
+def reproduce(
+    data: Annotated[Path, typer.Option("--data", help="Folder with the three windows, in any of NGSIM's forms.")],
+    out: OutFolder,
+    site: Annotated[str, typer.Option("--site", help="A site's name, or a .toml file.")] = "i80",
+    every: Every = 1.0,
+    epochs: Epochs = 25,
+    batch: Batch = 32,
+    stride: Stride = 1,
+    seed: Seed = 1,
+    skip_bad_rows: SkipBadRows = False,
+) -> None:
+    """Runs the paper's whole protocol in both modes beside the paper's values; resumes after an interruption."""
+    from rampcast.reproduce import Protocol, find_files
+    from rampcast.reproduce import reproduce as run
+
+    protocol = Protocol(training=training_spec(epochs, batch, stride, seed), every=every, command=user_command())
+    found = find_files(data, without=out)
+    for reason in found.left_out.values():
+        terminal.say(f"left out {reason}")
+    with terminal.progress() as tell:
+        page = run(
+            found.files,
+            out,
+            protocol=protocol,
+            site=named_site(site),
+            bad_rows=bad_rows_of(skip_bad_rows),
+            progress=tell,
+        )
+    terminal.print_scores(out)
+    terminal.say(f"wrote {page}")
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast benchmark --out out/benchmark\n\n"
+    "rampcast benchmark --train data/real --test data/held-back --out out/benchmark"
+)
+def benchmark(
+    train: Annotated[
+        Path | None,
+        typer.Option("--train", help="Folder to train on. Default: real in RAMPCAST_DATA, or in ../shared/data."),
+    ] = None,
+    test: Annotated[
+        Path | None,
+        typer.Option("--test", help="Folder to test on. Default: that of --train, split as the committed file says."),
+    ] = None,
+    out: OutFolder = Path("out/benchmark"),
+) -> None:
+    """Scores every model and baseline on the open benchmark, and writes each single forecast for others to score."""
+    from rampcast.evaluate.benchmark import default_folder, run_benchmark, write_benchmark
+    from rampcast.simulate import shipped_sample
+
+    train = train or default_folder()
+    with terminal.progress() as tell:
+        found = run_benchmark(train, test or train, simulated=shipped_sample(), progress=tell)
+    terminal.print_benchmark(found)
+    for path in write_benchmark(found, out, command=user_command()):
+        terminal.say(f"wrote {path}")
+
+
+@app.command(epilog="Example:\n\nrampcast demo --out out/demo")
+def demo(out: OutFolder = Path("out/demo")) -> None:
+    """Runs the whole protocol on the simulated recordings that ship with rampcast, with short training."""
+    from rampcast.reproduce import DEMO_TRAINING, Protocol
+    from rampcast.reproduce import reproduce as run
+    from rampcast.simulate import shipped_sample
+
+    protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=user_command())
+    with terminal.progress() as tell:
+        page = run(shipped_sample(), out, protocol=protocol, progress=tell)
+    terminal.print_scores(out)
+    terminal.say(f"wrote {page}")
+
+
+def training_spec(epochs: int, batch: int, stride: int, seed: int) -> "TrainingSpec":
+    from rampcast.forecast.forecaster import TrainingSpec
+    from rampcast.models.lstm import LstmSpec
+
+    return TrainingSpec(lstm=LstmSpec(epochs=epochs, batch=batch), window_stride=stride, seed=seed)

@@ -1,0 +1,69 @@
+"""Arguments and options that several commands share."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rampcast.errors import RampcastError
+
+
+def writable_file(path: Path | None) -> Path | None:
+    """Returns a path at which a file can be written, before long work is done for it.
+
+    Raises:
+        RampcastError: it is a folder, or nothing can be written there.
+    """
+    if path is not None and path.is_dir():
+        raise RampcastError(f"{path}: this is a folder; name the file to write, as {path / 'NAME'}")
+    return path if path is None else _checked(path, path.absolute().parent)
+
+
+def writable_folder(path: Path | None) -> Path | None:
+    """Returns a path at which files can be written into a folder, before long work is done for them.
+
+    Raises:
+        RampcastError: it is a file, or nothing can be written there.
+    """
+    return path if path is None else _checked(path, path.absolute())
+
+
+def _checked(path: Path, folder: Path) -> Path:
+    there = next(one for one in (folder, *folder.parents) if one.exists())  # what is missing below will be made
+    if not there.is_dir():
+        raise RampcastError(f"{path}: cannot be written, because {there} is a file and no folder; choose another --out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise RampcastError(f"{path}: nothing can be written in {there}; choose another --out, or change its rights")
+    return path
+
+
+Files = Annotated[list[Path], typer.Argument(help="Recordings, in any form that [bold]rampcast formats[/] lists.")]
+FormatName = Annotated[
+    str | None, typer.Option("--format", help="Format of the files. Default: told by their content.")
+]
+MappingFile = Annotated[
+    Path | None, typer.Option("--mapping", help="A .toml file that says what the columns of a foreign table are.")
+]
+SiteName = Annotated[str | None, typer.Option("--site", help="A site's name or .toml file. Default: told by the file.")]
+SkipBadRows = Annotated[bool, typer.Option("--skip-bad-rows", help="Count and list rows that are malformed; go on.")]
+OutFolder = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
+OutFile = Annotated[Path, typer.Option("--out", callback=writable_file, help="File to write.")]
+ModelFolder = Annotated[Path, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
+RecordingFile = Annotated[Path, typer.Option("--recording", help="Recording to forecast, in any form rampcast reads.")]
+Every = Annotated[float, typer.Option("--every", help="Time between anchors \\[s]; a multiple of 0.2.")]
+Seed = Annotated[int, typer.Option("--seed", help="Fixes everything drawn at random.")]
+Epochs = Annotated[int, typer.Option("--epochs", min=1, help="Passes of the LSTMs over their training windows.")]
+Batch = Annotated[int, typer.Option("--batch", min=1, help="Windows per step of the LSTMs' training.")]
+Stride = Annotated[int, typer.Option("--stride", min=1, help="Train the LSTMs on a window at every so many steps.")]
+SiteFile = Annotated[
+    Path,
+    typer.Option("--out", callback=writable_file, help="Site file to write (.toml); its picture goes beside it."),
+]
+TargetLane = Annotated[int | None, typer.Option("--target-lane", help="Lane that ramp vehicles merge into.")]
+Gore = Annotated[float | None, typer.Option("--gore", help="x where the ramp begins to run beside it \\[m].")]
+MergeZone = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--merge-zone", metavar="FROM TO", help="x between which merges are expected \\[m], as 180 230."),
+]
+Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane grows to the right: turn it.")]

@@ -1,0 +1,27 @@
+"""The open benchmark: fixed cases of real and simulated traffic, baselines, the floor, and metrics."""
+
+from rampcast.evaluate.benchmark.cases import Cases
+from rampcast.evaluate.benchmark.data_sets import DATA_SETS, DataSet
+from rampcast.evaluate.benchmark.metrics import case_table, score_table
+from rampcast.evaluate.benchmark.models import MODELS, Forecasts, Training
+from rampcast.evaluate.benchmark.run import Benchmark, default_folder, forecast_cases, run_benchmark, write_benchmark
+from rampcast.evaluate.benchmark.splits import Split, folds, split
+
+__all__ = [
+    "DATA_SETS",
+    "MODELS",
+    "Benchmark",
+    "Cases",
+    "DataSet",
+    "Forecasts",
+    "Split",
+    "Training",
+    "case_table",
+    "default_folder",
+    "folds",
+    "forecast_cases",
+    "run_benchmark",
+    "score_table",
+    "split",
+    "write_benchmark",
+]

@@ -1,0 +1,199 @@
+"""The forecaster of vehicles and the traffic ahead of them: sampled roll-outs of platoons, corrected, calibrated."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from rampcast.forecast.platoon_roll_out import RollOut, Samples, fit_roll_out, sample_platoons
+from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction, over_time
+from rampcast.models.drivers import posteriors
+from rampcast.models.folds import time_folds
+from rampcast.models.platoon_features import features, regimes
+from rampcast.models.pooled_driver import fit_pooled_driver, roll_chain
+from rampcast.recording.smoothing import STEP
+from rampcast.scenes.platoons import HISTORY, PLACES, Platoons, known_lengths
+from rampcast.scenes.scenes import FUTURE
+
+CHAINS = (1, 2, PLACES - 1)  # leaders in the simple roll-outs that the correction sees
+DRIVERS_SEEN = 2  # vehicles whose mean posterior driver it sees
+SPREAD = (0.1, 0.9)  # quantiles of the samples whose distance is their spread
+CHUNK = 512  # platoons at a time: a few arrays of 100 samples of them are 100 MB
+CORRECTION = CorrectionSpec()
+MIDDLE = len(LEVELS) // 2  # of the levels: the median
+
+
+@dataclass(frozen=True)
+class PlatoonForecasterSpec:
+    """What may be chosen.
+
+    Attributes:
+        samples: futures of each platoon.
+        folds: of the cross-fit of the correction.
+        correction: sizes of its trees; None leaves the roll-outs as they are.
+    """
+
+    samples: int = 100
+    folds: int = 8
+    correction: CorrectionSpec | None = CORRECTION
+
+
+FORECASTER = PlatoonForecasterSpec()
+
+
+@dataclass(frozen=True)
+class PlatoonForecast:
+    """What will become of the central vehicle of each platoon, at 0.2, 0.4 ... 15 s.
+
+    Attributes:
+        samples: displacements [m]; none reverses, or overlaps the leader's sample.
+        leader_samples: front of the leader in the same samples, counted from the central vehicle's place at t = 0 [m];
+            `platoon_roll_out.FAR` where there is none.
+        mean: displacement [m].
+        quantiles: at `correction.LEVELS` [m].
+    """
+
+    samples: Float[np.ndarray, "platoon sample step"]
+    leader_samples: Float[np.ndarray, "platoon sample step"]
+    mean: Float[np.ndarray, "platoon step"]
+    quantiles: Float[np.ndarray, "platoon step level"]
+
+    @property
+    def median(self) -> Float[np.ndarray, "platoon step"]:
+        """Returns the displacement that is as likely exceeded as not [m]."""
+        return self.quantiles[:, :, MIDDLE]
+
+    def quantiles_at(self, *levels: float) -> Float[np.ndarray, "platoon step asked"]:
+        """Returns the displacements at those of `LEVELS` that are nearest to the levels asked for [m]."""
+        return self.quantiles[:, :, [int(np.abs(LEVELS - level).argmin()) for level in levels]]
+
+
+@dataclass(frozen=True)
+class PlatoonForecaster:
+    """A fitted forecaster.
+
+    Attributes:
+        spec: what was chosen.
+        roll_out: drivers, disturbances and heads.
+        follower: the pooled driver behind a leader at constant speed.
+        correction: of the roll-outs; None without.
+        seed: of the samples.
+    """
+
+    spec: PlatoonForecasterSpec
+    roll_out: RollOut
+    follower: Float[np.ndarray, "param"]
+    correction: Correction | None
+    seed: int
+
+    def predict(self, platoons: Platoons) -> PlatoonForecast:
+        """Returns the forecast of each platoon, whatever the others are.
+
+        Args:
+            platoons: at least one.
+        """
+        rows = np.arange(len(platoons))
+        parts = [self._predict(platoons.select(rows[first : first + CHUNK])) for first in rows[::CHUNK]]
+        joined = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(PlatoonForecast)
+        }
+        return PlatoonForecast(**joined)
+
+    def _predict(self, platoons: Platoons) -> PlatoonForecast:
+        weights = posteriors(self.roll_out.prior, platoons)
+        samples = _sampled(self, platoons, weights)
+        if self.correction is None:
+            quantiles = np.moveaxis(np.quantile(samples.x, LEVELS, axis=1), 0, -1)
+            return PlatoonForecast(samples.x, samples.leader_x, samples.x.mean(axis=1), quantiles)
+        rolled = _rolled(self, platoons, weights, samples)
+        quantiles = over_time(self.correction.quantiles(rolled), np.median(samples.x, axis=1))
+        limit = np.maximum(self.roll_out.limit, np.where(platoons.valid[:, 0], platoons.v[:, 0], 0.0).max(axis=1))
+        x = _mapped(samples.x, quantiles, limit)
+        room = np.where(platoons.present[:, 1], known_lengths(platoons)[:, 1], 0.0)[:, None, None]
+        now = np.where(platoons.present[:, 1], platoons.x[:, 1, -1] - platoons.x[:, 0, -1], np.inf)[:, None, None]
+        leader_x = np.maximum(samples.leader_x, x + np.minimum(room, np.maximum(now, 0.0)))
+        return PlatoonForecast(x, leader_x, x.mean(axis=1), quantiles)
+
+
+def fit_platoon_forecaster(
+    platoons: Platoons,
+    truth: Float[np.ndarray, "platoon step"],
+    leader_truth: Float[np.ndarray, "platoon step"],
+    *,
+    group: Shaped[np.ndarray, "platoon"],
+    t0: Float[np.ndarray, "platoon"],
+    seed: int = 1,
+    spec: PlatoonForecasterSpec = FORECASTER,
+) -> PlatoonForecaster:
+    """Returns the forecaster that the training vehicles teach.
+
+    Args:
+        platoons: of the training vehicles.
+        truth: their displacements [m]; NaN where not seen.
+        leader_truth: front of their leaders, counted from the same places [m]; NaN where not seen.
+        group: name of the vehicle, which begins with the number of its window; see `time_folds`.
+        t0: the moment in its window's clock [s]; NaN without a clock.
+        seed: of samples and trees.
+        spec: what may be chosen.
+    """
+    roll_out = fit_roll_out(platoons, truth, leader_truth)
+    follower = fit_pooled_driver(platoons, truth)
+    plain = PlatoonForecaster(spec, roll_out, follower, None, seed)
+    if spec.correction is None:
+        return plain
+    weights = posteriors(roll_out.prior, platoons)
+    rolled = _rolled(plain, platoons, weights, _sampled(plain, platoons, weights))
+    begin, end = t0 - (HISTORY - 1) * STEP, t0 + FUTURE * STEP
+    folds = time_folds(group, begin, end, count=min(spec.folds, len(set(group.tolist()))))
+    correction = fit_correction(rolled, truth[:, KNOTS], group=group, folds=folds, seed=seed, spec=spec.correction)
+    return PlatoonForecaster(spec, roll_out, follower, correction, seed)
+
+
+def _sampled(
+    model: PlatoonForecaster, platoons: Platoons, weights: Float[np.ndarray, "platoon follower driver"]
+) -> Samples:
+    return sample_platoons(model.roll_out, platoons, samples=model.spec.samples, seed=model.seed, weights=weights)
+
+
+def _rolled(
+    model: PlatoonForecaster,
+    platoons: Platoons,
+    weights: Float[np.ndarray, "platoon follower driver"],
+    samples: Samples,
+) -> Rolled:
+    at_knots = samples.x[:, :, KNOTS]
+    low, high = np.quantile(at_knots, SPREAD, axis=1)
+    driver = model.roll_out.prior.centre
+    chains = [roll_chain(model.follower, platoons, leaders=leaders) for leaders in (1, PLACES - 1)]
+    chains += [roll_chain(driver, platoons, leaders=leaders) for leaders in CHAINS]
+    who = weights[:, :DRIVERS_SEEN] @ model.roll_out.prior.drivers[:, :-1]  # the exponent is the same for all
+    who = np.where(platoons.present[:, 1 : DRIVERS_SEEN + 1, None], who, np.nan).reshape(len(platoons), -1)
+    return Rolled(
+        features=np.column_stack([features(platoons), who]),
+        chains=np.stack(chains, axis=-1)[:, KNOTS],
+        median=np.median(at_knots, axis=1).astype(float),
+        spread=(high - low).astype(float),
+        regime=regimes(platoons),
+    )
+
+
+def _mapped(
+    samples: Float[np.ndarray, "platoon sample step"],
+    quantiles: Float[np.ndarray, "platoon step level"],
+    limit: Float[np.ndarray, "platoon"],
+) -> Float[np.ndarray, "platoon sample step"]:
+    """Returns the samples, each moved to the quantile of its rank as far as speeds stay from 0 to the limit."""
+    count = samples.shape[1]
+    rank = samples.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+    at = np.clip((np.arange(count) + 0.5) / count, LEVELS[0], LEVELS[-1])
+    position = (at - LEVELS[0]) / (LEVELS[1] - LEVELS[0])
+    left = np.minimum(position.astype(int), len(LEVELS) - 2)
+    share = position - left
+    ordered = (quantiles[:, :, left] * (1.0 - share) + quantiles[:, :, left + 1] * share).astype(np.float32)
+    moved = np.take_along_axis(ordered.swapaxes(1, 2), rank, axis=1)
+    farthest = (limit[:, None] * STEP).astype(np.float32)
+    before = np.zeros_like(moved[:, :, 0])
+    for step in range(moved.shape[2]):
+        moved[:, :, step] = before = np.clip(moved[:, :, step], before, before + farthest)
+    return moved

@@ -1,0 +1,114 @@
+"""What drivers do beside their law: a residual acceleration that fades as an AR(1) process does.
+
+Its size, how fast it fades, and how much of the residual at t = 0 is real (an acceleration at the end of a history is
+a poor one) are learned from where training vehicles were 1 to 3 s later behind their real leaders.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rampcast.models.drivers import DriverPrior, behind_leader, posterior
+from rampcast.physics import idm
+from rampcast.recording.smoothing import STEP
+from rampcast.scenes.platoons import Platoons, known_lengths
+
+STEPS = np.array([4, 9, 14])  # 1, 2 and 3 s after t = 0: later, the driver's law takes back what it did
+PERSISTENCES = (0.7, 0.8, 0.85, 0.9, 0.93, 0.96)  # a step of 0.2 s, that are tried: they fade within 0.6 to 5 s
+LEAST_CASES = 20  # of fewer, neither size nor persistence is known
+MOST_CASES = 1000  # three numbers need no more
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A residual acceleration as an AR(1) process.
+
+    Attributes:
+        persistence: share of it that is left after a step of 0.2 s.
+        size: its standard deviation [m/s^2].
+        trust: share of the residual at t = 0 with which it begins.
+    """
+
+    persistence: float = 0.9
+    size: float = 0.3
+    trust: float = 0.3
+
+
+def fit_disturbance(
+    prior: DriverPrior,
+    platoons: Platoons,
+    truth: Float[np.ndarray, "platoon step"],
+    leader_truth: Float[np.ndarray, "platoon step"],
+) -> Disturbance:
+    """Returns the process under which the training vehicles' places after 1 to 3 s are likeliest.
+
+    Args:
+        prior: over drivers.
+        platoons: of the training vehicles.
+        truth: their displacements [m]; NaN where not seen.
+        leader_truth: front of their leaders, counted from the same places [m]; NaN where not seen.
+    """
+    known = (platoons.depth > 0) & (np.isfinite(truth) & np.isfinite(leader_truth))[:, : STEPS[-1] + 1].all(axis=1)
+    rows = np.flatnonzero(known)
+    if len(rows) < LEAST_CASES:
+        return Disturbance()
+    rows = rows[:: -(-len(rows) // MOST_CASES)]
+    some = platoons.select(rows)
+    weights = posterior(prior, some)
+    ahead = np.where(np.isfinite(leader_truth), leader_truth, 0.0)[rows]
+    driven = np.einsum("pd,pds->ps", weights, behind_leader(prior.drivers, some, ahead))[:, STEPS]
+    beyond = truth[rows][:, STEPS] - driven
+    start = residual_now(prior, some, weights[:, None], followers=1)[:, 0]
+    return min((_given(persistence, start, beyond) for persistence in PERSISTENCES), key=lambda found: found[0])[1]
+
+
+def residual_now(
+    prior: DriverPrior, platoons: Platoons, weights: Float[np.ndarray, "platoon follower driver"], *, followers: int
+) -> Float[np.ndarray, "platoon follower"]:
+    """Returns the acceleration at t = 0 beyond the law's [m/s^2], of the first vehicles; 0 behind no leader.
+
+    Args:
+        prior: over drivers.
+        platoons: at least one.
+        weights: of the drivers, of each vehicle.
+        followers: how many vehicles, from the central one on.
+    """
+    own, ahead = slice(0, followers), slice(1, followers + 1)
+    led = platoons.present[:, ahead]
+    gap = platoons.x[:, ahead, -1] - platoons.x[:, own, -1] - known_lengths(platoons)[:, ahead]
+    speed, leader_speed, gap, a = (
+        np.where(led, values, 10.0)
+        for values in (np.maximum(platoons.v[:, own, -1], 0.0), platoons.v[:, ahead, -1], gap, platoons.a[:, own, -1])
+    )
+    record = idm.Parameters(*np.moveaxis(weights @ prior.drivers, -1, 0))
+    low, high = (np.asarray(limit) for limit in idm.limits(record))
+    law = np.asarray(idm.acceleration(record, speed=speed, leader_speed=leader_speed, gap=gap))
+    return np.where(led, np.clip(a, low, high) - np.clip(law, low, high), 0.0)
+
+
+def _given(
+    persistence: float, start: Float[np.ndarray, "row"], beyond: Float[np.ndarray, "row knot"]
+) -> tuple[float, Disturbance]:
+    """Returns minus the log-likelihood of a persistence with its best size and trust, and these."""
+    moved = np.cumsum(np.cumsum(persistence ** np.arange(1, STEPS[-1] + 2)))[STEPS] * STEP**2  # by 1 m/s^2 at t = 0
+    spread = _spread(persistence)
+    expected = start[:, None] * moved
+    weight = 1.0 / spread**2
+    trust = float(np.clip((weight * expected * beyond).sum() / max((weight * expected**2).sum(), 1e-9), 0.0, 1.0))
+    left = (beyond - trust * expected) / spread
+    left = np.clip(left, *np.quantile(left, (0.02, 0.98)))  # a few careless drivers are not the rule
+    size = max(float(np.sqrt(np.mean(left**2))), 1e-3)
+    minus_likelihood = float(np.log(size) + np.log(spread).mean())
+    return minus_likelihood, Disturbance(persistence, size, trust)
+
+
+def _spread(persistence: float) -> Float[np.ndarray, "knot"]:
+    """Returns the standard deviation [m] of the displacement after `STEPS` that a process of size 1 m/s^2 makes."""
+    count = STEPS[-1] + 1
+    after = np.arange(count)
+    # a kick in step k moves the vehicle until step n by sum over j = k ... n of (n - j + 1) persistence^(j - k)
+    effect = np.array([[((n - k + 1) - after[: n - k + 1]) @ persistence ** after[: n - k + 1] if n >= k else 0.0
+                        for k in range(count)] for n in STEPS])  # fmt: skip
+    kicks = np.sqrt(1.0 - persistence**2)
+    return kicks * np.sqrt((effect**2).sum(axis=1)) * STEP**2

@@ -1,0 +1,81 @@
+"""What must hold of whatever a reader makes of a file, good or bad: for the fuzz tests and the fuzzers beside them."""
+
+import faulthandler
+from pathlib import Path
+from random import Random
+
+from rampcast.errors import RampcastError
+from rampcast.formats import FORMATS, BadRows, read_all
+from rampcast.formats.report import ReadReport
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from tests.formats.damage import damaged
+from tests.formats.samples import Sample
+
+HANG = 60  # [s] after which a reader is taken to hang: where it is, is printed, and the process ends
+LONGEST = 5_000  # letters of a message
+
+
+def read_or_refuse(sample: Sample, folder: Path, changed: dict[str, bytes], random: Random) -> bool:
+    """Returns whether files were read; they must be, or be refused, with or without site and format.
+
+    Args:
+        sample: good files.
+        folder: to write them to, some of them changed.
+        changed: contents by names.
+        random: chooses how to read them.
+    """
+    paths = sample.write(folder, changed)
+    site = sample.site if random.random() < 0.5 else None
+    mapping = folder / sample.mapping if sample.mapping else None
+    named = sample.format if random.random() < 0.5 and mapping is None else None
+    named = random.choice(list(FORMATS)) if random.random() < 0.05 and mapping is None else named
+    bad_rows = random.choice(list(BadRows))
+    faulthandler.dump_traceback_later(HANG, exit=True)
+    try:
+        recordings, report = read_all(paths, site=site, format=named, mapping=mapping, bad_rows=bad_rows)
+    except RampcastError as error:
+        message = str(error)
+        assert any(str(folder / name) in message for name in sample.files), f"no file in the message: {message}"
+        assert len(message) < LONGEST, message
+        return False
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+    check_recordings(recordings, report)
+    return True
+
+
+def damaged_files(sample: Sample, random: Random) -> dict[str, bytes]:
+    """Returns one of the files, damaged."""
+    name = random.choice(sorted(sample.files))
+    return {name: damaged(sample.files[name], random)}
+
+
+def check_recordings(recordings: tuple[Recording, ...], report: ReadReport) -> None:
+    """Checks that all rows are accounted for and that no required column has holes."""
+    assert recordings
+    assert report.rows == sum(recording.tracks.height for recording in recordings)
+    left_out = (
+        report.rows_skipped
+        + report.duplicates
+        + report.rows_off_road
+        + report.rows_other_location
+        + report.rows_not_vehicles
+        + report.rows_off_frames
+    )
+    assert report.rows_read + report.rows_interpolated == report.rows + left_out, report
+    for recording in recordings:
+        tracks = recording.tracks
+        assert recording.time_step > 0
+        assert not tracks.is_empty()
+        for name, kind in c.SCHEMA.items():
+            assert tracks.schema[name] == kind, name
+            assert not tracks[name].has_nulls(), name
+        for name in (c.X, c.Y, c.LENGTH, c.WIDTH):
+            assert tracks[name].is_finite().all(), name
+        if recording.source != "made up":  # a recording of rampcast's own is trusted: only its types are checked
+            assert (tracks[c.LENGTH] > 0).all()
+            assert (tracks[c.WIDTH] > 0).all()
+            key = tracks.select(c.RECORDING, c.VEHICLE, c.FRAME)
+            assert key.is_unique().all()
+            assert key.equals(key.sort(key.columns))

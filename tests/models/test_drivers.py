@@ -1,0 +1,128 @@
+"""The prior over drivers and its posterior: the right driver is found, from little history and through holes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rampcast.models.disturbance import fit_disturbance, residual_now
+from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors
+from rampcast.models.platoon_head import KEPT, fit_head
+from rampcast.scenes.platoons import Platoons
+from tests.models.platoons_made_up import DRIVER, LENGTH, drive, idm
+
+HASTY, CALM = (1.5, 0.8, 2.0, 2.5, 22.0, 4.0), (3.0, 2.0, 0.8, 1.2, 22.0, 4.0)
+
+
+@pytest.fixture(scope="module")
+def two() -> DriverPrior:
+    """A prior over two drivers."""
+    return DriverPrior(np.array(DRIVER), 0.3, 1.0, np.array([HASTY, CALM]))
+
+
+def seen(platoons: Platoons, steps: np.ndarray) -> Platoons:
+    """Returns the platoons as if they had been seen at those steps of the history only."""
+    valid = platoons.valid & steps
+    x, v, a = (np.where(valid, values, np.nan) for values in (platoons.x, platoons.v, platoons.a))
+    return replace(platoons, x=x, v=v, a=a, valid=valid)
+
+
+@pytest.mark.parametrize(("driver", "which"), [(HASTY, 0), (CALM, 1)])
+def test_the_driver_of_noise_free_data_has_nearly_all_the_weight(two, driver, which):
+    weights = posterior(two, drive(40, driver=driver).platoons)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    assert np.median(weights[:, which]) > 0.95
+
+
+def test_four_tenths_of_a_second_are_enough_for_a_posterior_and_more_says_more(two):
+    platoons = drive(40, driver=CALM).platoons
+    short = posterior(two, seen(platoons, np.arange(21) >= 18))
+    assert np.isfinite(short).all()
+    assert 0.5 < short[:, 1].mean() < posterior(two, platoons)[:, 1].mean()
+
+
+def test_a_hole_in_the_history_is_no_harm(two):
+    platoons = drive(40, driver=CALM).platoons
+    around = seen(platoons, ~np.isin(np.arange(21), np.arange(8, 13)))
+    weights = posterior(two, around)
+    assert np.isfinite(weights).all()
+    assert np.median(weights[:, 1]) > 0.8
+
+
+def test_a_vehicle_seen_at_no_time_but_now_has_the_prior(two):
+    now = seen(drive(5).platoons, np.arange(21) == 20)
+    np.testing.assert_allclose(posterior(two, now), 0.5)
+
+
+def test_every_vehicle_with_a_leader_has_its_own_posterior_and_the_head_has_the_prior(two):
+    platoons = drive(12, vehicles=3, scatter=0.2).platoons
+    weights = posteriors(two, platoons)
+    np.testing.assert_allclose(weights[:, 0], posterior(two, platoons), atol=1e-6)
+    assert np.abs(weights[:, 0] - weights[:, 1]).max() > 0.1
+    np.testing.assert_array_equal(weights[:, 2:], 0.5)
+
+
+def test_the_prior_of_drivers_who_are_all_alike_is_narrow_and_forecasts_them():
+    made = drive(120)
+    prior = fit_drivers(made.platoons, made.truth, made.leader_truth)
+    weights = posterior(prior, made.platoons)
+    forecast = np.einsum("pd,pds->ps", weights, behind_leader(prior.drivers, made.platoons, made.leader_truth))
+    assert prior.scatter == 0.1
+    assert np.abs(forecast - made.truth).mean() < 0.15
+
+
+def test_drivers_who_differ_are_forecast_better_with_their_posteriors_than_all_alike():
+    made = drive(200, scatter=0.3)
+    prior = fit_drivers(made.platoons, made.truth, made.leader_truth)
+    futures = behind_leader(prior.drivers, made.platoons, made.leader_truth)
+    own = np.einsum("pd,pds->ps", posterior(prior, made.platoons), futures)
+    assert prior.scatter > 0.1
+    assert np.abs(own - made.truth).mean() < 0.75 * np.abs(futures.mean(axis=1) - made.truth).mean()
+
+
+def test_the_law_of_a_driver_behind_a_given_leader_is_what_a_plain_loop_makes_of_it():
+    made = drive(3)
+    found = behind_leader(np.array([CALM]), made.platoons, made.leader_truth)[:, 0]
+    leader = np.column_stack([made.platoons.x[:, 1, -1] - made.platoons.x[:, 0, -1], made.leader_truth])
+    speed = np.column_stack([made.platoons.v[:, 1, -1], np.diff(leader, axis=1) / 0.2])
+    x, v = np.zeros(3), made.platoons.v[:, 0, -1]
+    for step in range(75):
+        v = np.maximum(v + 0.2 * idm(np.array(CALM), v, speed[:, step], leader[:, step] - x - LENGTH), 0.0)
+        x = x + 0.2 * v
+        np.testing.assert_allclose(found[:, step], x, atol=1e-3)
+
+
+def test_a_disturbance_that_is_not_there_is_small_and_one_that_is_is_found():
+    found = {}
+    for noise in (0.0, 1.0):
+        made = drive(200, noise=noise)
+        prior = fit_drivers(made.platoons, made.truth, made.leader_truth)
+        found[noise] = fit_disturbance(prior, made.platoons, made.truth, made.leader_truth)
+    assert found[0.0].size < 0.1 < found[1.0].size
+    assert found[1.0].persistence <= 0.7  # white noise: the least that is tried
+
+
+def test_the_residual_at_t_0_of_a_driver_who_keeps_to_the_law_is_none(two):
+    made = drive(10, driver=HASTY)
+    weights = np.zeros((10, 2, 2))
+    weights[..., 0] = 1.0
+    platoons = made.platoons
+    own = idm(
+        np.array(HASTY), platoons.v[:, 0, -1], platoons.v[:, 1, -1], np.diff(platoons.x[:, :2, -1], axis=1)[:, 0] - 4.6
+    )
+    exact = replace(platoons, a=np.where(np.arange(9)[:, None] == 0, own[:, None, None], platoons.a))
+    np.testing.assert_allclose(residual_now(two, exact, weights, followers=2)[:, 0], 0.0, atol=1e-6)
+
+
+def test_a_head_that_keeps_its_speed_is_found_to_and_one_that_returns_too():
+    made = drive(60, vehicles=2)
+    time = 0.2 * np.arange(1, 76)
+    gap = made.platoons.x[:, 1, -1:] - made.platoons.x[:, 0, -1:]
+    speed = made.platoons.v[:, 1, -1:]
+    kept = fit_head(made.platoons, made.truth, gap + speed * time)
+    assert kept.relaxation == KEPT
+    assert kept.noise < 1e-3
+    mean = np.where(made.platoons.valid, made.platoons.v, 0.0).sum((1, 2)) / made.platoons.valid.sum((1, 2))
+    back = 10.0 * (1.0 - np.exp(-time / 10.0))
+    returning = fit_head(made.platoons, made.truth, gap + speed * back + mean[:, None] * (time - back))
+    assert returning.relaxation == 10.0
