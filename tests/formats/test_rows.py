@@ -12,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.errors import FormatError
+from rampcast.formats import rows as rows_module
 from rampcast.formats import sources
 from rampcast.formats.cells import read_cell
 from rampcast.formats.head import look
 from rampcast.formats.report import BadRows
 from rampcast.formats.rows import Column, missing_column, read_rows
+from rampcast.formats.rows_careful import parse_carefully
 
 COLUMNS = (
     Column("id", ("id",), pl.Int32(), 0),
@@ -385,3 +387,22 @@ def test_of_columns_that_differ_in_case_the_one_spelled_as_wanted_counts(tmp_pat
     table.rename({"X": "POS-X", "x": "Pos_X"}).write_parquet(tmp_path / "t.parquet")
     with pytest.raises(FormatError, match=r"t\.parquet: the columns 2 and 3 are both called 'POS-X'"):
         read_rows(tmp_path / "t.parquet", COLUMNS)
+
+
+def test_a_chunk_with_a_fault_is_read_again_in_pieces_that_bound_memory(tmp_path, monkeypatch):
+    """Lines as Python's own objects take twenty times their size, so never more than about 1 MB of them is held."""
+    sizes = []
+
+    def seen(piece, layout, first_line):
+        sizes.append(len(piece))
+        return parse_carefully(piece, layout, first_line)
+
+    monkeypatch.setattr(rows_module, "parse_carefully", seen)
+    good = b"1234567,0.123456789\n" * 150_000  # 3 MB in one chunk
+    path = tmp_path / "late.csv"
+    path.write_bytes(b"a,b\n" + good + b"2,wrong\n" + good[:20])
+    columns = (Column("a", ("a",), pl.Int32()), Column("b", ("b",)))
+    rows = read_rows(path, columns, bad_rows=BadRows.SKIP)
+    assert (rows.table.height, rows.faults_counted, rows.faults[0].line) == (150_001, 1, 150_002)
+    assert len(sizes) > 2
+    assert max(sizes) <= rows_module.PIECE + 20

@@ -191,11 +191,7 @@ def _sampled(
         moved = jnp.maximum(moved, x)
         return (moved, (moved - x) / step_length, extra), moved[:2]
 
-    shape = (x.shape[0], noise.shape[2], x.shape[2])
-    state: tuple[Array, ...] = (
-        jnp.broadcast_to(x, shape),
-        jnp.broadcast_to(v, shape),
-        jnp.broadcast_to(start, (shape[0] - 1, *shape[1:])),
-    )
+    samples = noise.shape[2]
+    state = tuple(jnp.broadcast_to(part, (len(part), samples, part.shape[2])) for part in (x, v, start))
     _, xs = jax.lax.scan(step, state, noise)
     return xs[:, 0].transpose(2, 1, 0), xs[:, 1].transpose(2, 1, 0)

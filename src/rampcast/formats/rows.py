@@ -64,12 +64,12 @@ def _read_csv(path: Path, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
         faults: list[BadRow] = []
         line, counted = layout.header.lines + 1, 0
         for chunk, (lines, found) in parse_ahead(chain([body], chunks), lambda chunk: _parse(chunk, layout)):
-            table, bad = (found, []) if found is not None else parse_carefully(chunk, layout, line)
-            if bad and bad_rows is BadRows.RAISE:
-                raise FormatError(advice(bad[0]))
-            parts.append(table)
-            faults.extend(bad[: MOST_LISTED - len(faults)])
-            counted += len(bad)
+            for table, bad in [(found, [])] if found is not None else _carefully(chunk, layout, line):
+                if bad and bad_rows is BadRows.RAISE:
+                    raise FormatError(advice(bad[0]))
+                parts.append(table)
+                faults.extend(bad[: MOST_LISTED - len(faults)])
+                counted += len(bad)
             line += lines
     return Rows(name, pl.concat(parts, rechunk=True), tuple(faults), counted)
 

@@ -74,9 +74,9 @@ def run_benchmark(
         if progress is not None:
             progress("data sets", number, len(data_sets))
         training, testing = (data_set.find(folder) or _shipped(data_set, simulated) for folder in (train, test))
-        missing = [str(folder) for folder, files in ((train, training), (test, testing)) if not files]
+        missing = dict.fromkeys(str(folder) for folder, files in ((train, training), (test, testing)) if not files)
         if missing:
-            left_out[name] = f"no file {data_set.files} in {' and '.join(dict.fromkeys(missing))}"
+            left_out[name] = f"no file {data_set.files} in {' and '.join(missing)}"
             continue
         sides, about = _sides(data_set, training, testing, same=same or training == testing)
         forecasts = forecast_cases(*sides, models=models)
@@ -88,9 +88,13 @@ def run_benchmark(
         raise RecordingError(f"no data set of the benchmark was found: {reasons}")
     if progress is not None:
         progress("data sets", len(data_sets), len(data_sets))
-    versions = {package: importlib.metadata.version(package) for package in PACKAGES}
-    about_run = {"data_sets": record, "left_out": left_out, "python": platform.python_version(), "versions": versions}
+    about_run = {"data_sets": record, "left_out": left_out} | _versions()
     return Benchmark(pl.concat(scores, how="vertical_relaxed"), pl.concat(cases), about_run)
+
+
+def _versions() -> dict[str, Any]:
+    packages = {package: importlib.metadata.version(package) for package in PACKAGES}
+    return {"python": platform.python_version(), "versions": packages}
 
 
 def forecast_cases(train: Cases, test: Cases, *, models: Mapping[str, Fit] = MODELS) -> dict[str, Forecasts]:
