@@ -11,7 +11,7 @@ from rampcast.forecast.platoon_roll_out import RollOut, sample_platoons
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior, posterior
 from rampcast.models.platoon_head import Head
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons
+from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 from rampcast.scenes.scenes import STEP
 
 VEHICLES, PLATOONS, SAMPLES, DRIVERS = 10_000, 1_000, 100, 64
@@ -42,7 +42,7 @@ def queues(count: int, *, leaders: int) -> Platoons:
     valid = np.broadcast_to((np.arange(PLACES) <= leaders)[:, None], x.shape)
     x, v, a = (np.where(valid, values, np.nan) for values in (x, np.broadcast_to(speed, x.shape), np.zeros(x.shape)))
     length = np.where(valid[:, :, -1], 4.5, np.nan)
-    return Platoons(x, v, a, valid, length, np.full(length.shape, CAR))
+    return Platoons(x, v, a, valid, length, np.full(length.shape, CAR), no_traffic(len(x)))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 #
 # From a recording to a scored forecast, in eight short steps. The code is one script, `docs/tutorial.py`: run it as
 # it is (`python docs/tutorial.py`), or step through it in any editor that knows `# %%` cells. It uses the
-# **simulated** recordings that ship with rampcast, so you need no data, and it trains for seconds only: the numbers
+# **simulated** recordings that ship with rampcast, so you need no data, and it trains for a minute only: the numbers
 # show how to read the results, not how well real traffic can be forecast.
 #
 # ## 1. Read
@@ -73,12 +73,13 @@ print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.
 #
 # A forecaster is two LSTMs that predict the neighbours (ramp lane, target lane) and 32 random forests that classify
 # lane changes. The car-following laws are fitted later, to each vehicle's own 4 s. `Mode.PAPER` is the paper as
-# printed, made computable; `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata). The spec below trains
-# for seconds; `TrainingSpec()` is the full training.
+# printed, made computable; `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata), and adds the model
+# *rampcast*, which drives all vehicles around into the future together. The spec below trains for a minute;
+# `TrainingSpec()` is the full training.
 
 # %%
 lstm = LstmSpec(units=32, epochs=6, batch=128, learning_rate=5e-3, decay=0.7)
-quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=2.0, trees=20)
+quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=2.0, trees=20, scene_spacing=20.0)
 forecaster = fit_forecaster(training, mode=Mode.CORRECTED, spec=quick)
 print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {forecaster.target.losses[-1]:.4f}")
 
@@ -87,12 +88,15 @@ print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM:
 #
 # `predict` gets no future: it is taken out of the scenes before any model gets them. (The smoothing has looked 1 s
 # ahead; the methods page, section 2, says how much that helps.) The result holds a position for every model at every
-# 0.2 s, and the probability of a lane change *within* and *at* each second.
+# 0.2 s, and the probability of a lane change *within* and *at* each second; of *rampcast* also quantiles of the
+# position, the gap that it merges into, and conflicts ([all columns](forecast_files.md)).
 
 # %%
 forecast = forecaster.predict(scenes)
-print(forecast.position_table().filter(pl.col("model") == "idm").head(3))
+positions = forecast.position_table()
+print(positions.filter(pl.col("model") == "rampcast").select("vehicle", "t0", "horizon", "x", "x_q05", "x_q95").head(3))
 print(forecast.lane_change_table().head(4))
+print(forecast.gap_table().filter(pl.col("p") > 0).head(3))
 
 # %% [markdown]
 # ## 6. Look at one

@@ -74,14 +74,18 @@ def test_help_imports_nothing_heavy():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_forecast_writes_both_tables_and_csv_beside_them(model, files, tmp_path):
+def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
     rampcast("forecast", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path, "--csv")
     forecast = pl.read_parquet(tmp_path / "forecast.parquet")
-    assert forecast.columns == ["recording", "vehicle", "t0", "horizon", "x", "model"]
+    quantiles = ["x_q05", "x_q25", "x_q50", "x_q75", "x_q95"]
+    assert forecast.columns == ["recording", "vehicle", "t0", "horizon", "x", "model", *quantiles]
     assert forecast["horizon"].max() == 15.0
     assert pl.read_parquet(tmp_path / "lane_change.parquet")["p_within"].is_between(0, 1).all()
     assert pl.read_csv(tmp_path / "forecast.csv").height == forecast.height
     assert (tmp_path / "lane_change.csv").is_file()
+    keys = forecast.select("recording", "vehicle", "t0").n_unique()
+    assert pl.read_parquet(tmp_path / "gap.parquet").height == 11 * keys
+    assert pl.read_parquet(tmp_path / "conflicts.parquet").height == 31 * keys
 
 
 def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):

@@ -8,6 +8,8 @@ import pytest
 
 from rampcast.errors import RecordingError
 from rampcast.forecast.forecaster import TrainingSpec
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, concatenate, load_site, read_recording, write_recording
@@ -15,7 +17,14 @@ from rampcast.reproduce import Protocol, find_files, paper_values, reproduce
 from rampcast.simulate import shipped_sample
 from tests.ngsim_writer import gzipped, write_ngsim_txt, write_portal_csv, zipped
 
-SMALL = TrainingSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=25, anchor_spacing=1.0, trees=3)
+SMALL = TrainingSpec(
+    lstm=LstmSpec(units=6, epochs=1, batch=64),
+    window_stride=25,
+    anchor_spacing=1.0,
+    trees=3,
+    scene_spacing=20.0,
+    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
+)
 PROTOCOL = Protocol(training=SMALL, every=10.0)
 SITE = load_site("simulated")
 LAST_FRAME = 3000  # five minutes of each window
@@ -62,6 +71,9 @@ def test_the_run_leaves_models_tables_figures_and_a_report(from_text):
     assert len(list((out / "figures").glob("*.png"))) >= 15
     longitudinal = pl.read_parquet(out / "tables" / "longitudinal.parquet")
     assert set(longitudinal["mode"]) == {"paper", "corrected"}
+    assert set(longitudinal.filter(pl.col("model") == "rampcast")["mode"]) == {"corrected"}
+    assert (out / "models" / "corrected" / "scene.npz").is_file()
+    assert not (out / "models" / "paper" / "scene.npz").exists()
     assert longitudinal["horizon"].max() == 15.0
     run = json.loads((out / "run.json").read_text())
     assert run["trained_on"] == ["simulated-1", "simulated-3"]
@@ -94,6 +106,7 @@ def test_an_interrupted_run_goes_on_where_it_was(from_text, monkeypatch):
 
     monkeypatch.setattr("rampcast.reproduce.fit_lane_changes", counted)
     monkeypatch.setattr("rampcast.reproduce.fit_neighbours", never)
+    monkeypatch.setattr("rampcast.reproduce.fit_scenes", never)
     monkeypatch.setattr("rampcast.reproduce.read_any", never)
     page = reproduce(find_files(data).files, out, protocol=PROTOCOL, site=SITE)
     assert page.is_file()

@@ -1,4 +1,4 @@
-"""Makes the tables of docs/benchmark.md from the scores of a run.
+"""Makes the tables of docs/benchmark.md from the scores of a run; merge_scores.parquet is taken from beside them.
 
 Run: rampcast benchmark --out out/benchmark, then python docs/scripts/benchmark_table.py out/benchmark/scores.parquet
 It prints Markdown; docs/benchmark.md holds it between its two marks, and --write puts it there.
@@ -14,6 +14,14 @@ BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 SHOWN = ("constant_velocity", "relax_to_leader", "idm", "gipps_paper", "ghr", "lstm")
 POOLED = ("pooled_idm", "chain_1", "chain_2", "chain_4", "chain_8", "rampcast_without_correction", "rampcast", "oracle")
 HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
+TIMES = ("time_error", "time_error_ratio", "c_index", "crps", "gap_accuracy", "place_error")  # of merges
+HEADS = ("error [s]", "of `kaplan_meier`'s", "C-index", "CRPS [s]", "gap right", "place error [m]")
+OF_SECONDS = {
+    "brier_skill": "Brier skill",
+    "calibration_error": "calibration error",
+    "accuracy": 'accuracy of "within t"',
+    "exact_accuracy": 'accuracy of "at t", balanced',
+}
 
 
 def main() -> None:
@@ -22,7 +30,10 @@ def main() -> None:
     options.add_argument("scores", type=Path)
     options.add_argument("--write", action="store_true", help="put them into docs/benchmark.md")
     chosen = options.parse_args()
+    merges = chosen.scores.with_name("merge_scores.parquet")
     text = tables(pl.read_parquet(chosen.scores))
+    if merges.is_file():
+        text += "\n\n" + merge_tables(pl.read_parquet(merges))
     if not chosen.write:
         print(text)
         return
@@ -61,6 +72,47 @@ def table(name: str, depth: int, rows: pl.DataFrame, most: int) -> str:
         last = of_model.filter(pl.col("horizon").is_in(HORIZONS)).row(-1, named=True)
         cells = [f"{error[h]:.2f}" if h in error else "–" for h in HORIZONS]
         cells.append(f"{last['error_low']:.1f} to {last['error_high']:.1f} ({last['horizon']:.0f} s)")
+        lines.append(f"| `{model}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def merge_tables(scores: pl.DataFrame) -> str:
+    """Returns the tables of merges: of times, gaps and places, and of probabilities at each second."""
+    parts = []
+    for (name,), of_set in scores.group_by("data_set", maintain_order=True):
+        parts += [time_table(str(name), of_set), *(second_table(str(name), of_set, column) for column in OF_SECONDS)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def time_table(name: str, rows: pl.DataFrame) -> str:
+    """Returns the scores of the times of merges as a Markdown table."""
+    rows = rows.filter(pl.col("horizon").is_null())
+    n, groups = (max(rows[column].to_list()) for column in ("n", "groups"))
+    lines = [f"**`{name}`, merges** (n = {n:,} within 15 s, of {groups} vehicles)", ""]
+    lines += ["| model | " + " | ".join(HEADS) + " |", "|---|" + "---:|" * len(HEADS)]
+    for row in rows.iter_rows(named=True):
+        cells = {column: "–" if row[column] is None else f"{row[column]:.2f}" for column in TIMES}
+        for column, low, high in (
+            ("time_error_ratio", "ratio_low", "ratio_high"),
+            ("c_index", "c_index_low", "c_index_high"),
+        ):
+            if row[low] is not None:
+                cells[column] += f" ({row[low]:.2f} to {row[high]:.2f})"
+        lines.append(f"| `{row['model']}` | " + " | ".join(cells.values()) + " |")
+    return "\n".join(lines)
+
+
+def second_table(name: str, rows: pl.DataFrame, column: str) -> str:
+    """Returns a score of the probabilities of merges by second as a Markdown table; nothing if none is known."""
+    rows = rows.filter(pl.col("horizon").is_not_null() & pl.col(column).is_not_null())
+    seconds = sorted(set(rows["horizon"].to_list()))
+    if not seconds:
+        return ""
+    lines = [f"| `{name}`: {OF_SECONDS[column]} | " + " | ".join(f"{second:.0f} s" for second in seconds) + " |"]
+    lines.append("|---|" + "---:|" * len(seconds))
+    for (model,), of_model in rows.group_by("model", maintain_order=True):
+        score = dict(zip(of_model["horizon"], of_model[column], strict=True))
+        cells = [f"{score[second]:.2f}" if second in score else "–" for second in seconds]
         lines.append(f"| `{model}` | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

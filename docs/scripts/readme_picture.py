@@ -24,7 +24,7 @@ from rampcast.simulate import shipped_sample
 
 PICTURE = Path(__file__).parents[1] / "images" / "forecast.png"
 WINDOW = "simulated-2"  # the demo trains on the two others
-MODEL = "ghr"  # the paper shows its scenes with GHR
+MODEL = "rampcast"  # the default
 DPI = 150
 
 

@@ -25,11 +25,23 @@ from rampcast.forecast.forecaster import (
     assemble,
     fit_lane_changes,
     fit_neighbours,
+    fit_scenes,
     for_each_lane,
     recording_hash,
 )
-from rampcast.forecast.storage import load_forests, load_lstm, save, save_forests, save_lstm, versions
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.storage import (
+    load_forests,
+    load_lstm,
+    load_scene,
+    save,
+    save_forests,
+    save_lstm,
+    save_scene,
+    versions,
+)
 from rampcast.formats import BadRows, read_any, why_not
+from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec, NeighbourLstm
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
@@ -39,7 +51,12 @@ from rampcast.recording.sites import site_to_dict
 from rampcast.report.report import write_report
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
-DEMO_TRAINING = TrainingSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=15)
+DEMO_TRAINING = TrainingSpec(
+    lstm=LstmSpec(epochs=8, batch=64, decay=0.7),
+    window_stride=15,
+    scene_spacing=10.0,
+    scene=PlatoonForecasterSpec(samples=50, folds=4, correction=CorrectionSpec(trees=60)),
+)
 SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
 FINGERPRINTS = "fingerprints"
 
@@ -235,7 +252,18 @@ def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec,
         save_forests,
         load_forests,
     )
-    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
+    scene = None
+    if mode is Mode.CORRECTED:
+        scene = _kept(
+            parts,
+            "scene",
+            inputs,
+            parts / "scene.npz",
+            lambda: fit_scenes(recording, spec=spec, progress=tell),
+            save_scene,
+            load_scene,
+        )
+    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests, scene=scene)
     save(forecaster, folder)
     return forecaster
 

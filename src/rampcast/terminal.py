@@ -31,6 +31,7 @@ output = Console()
 messages = Console(stderr=True)
 
 SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
+SHOWN_SKILLS = (3.0, 8.0)  # [s]
 
 
 @contextmanager
@@ -319,7 +320,7 @@ def print_lanes(recording: "Recording") -> None:
 
 
 def print_benchmark(found: "Benchmark") -> None:
-    """Prints mean errors at a few horizons for each data set and depth; shares are of the last second."""
+    """Prints mean errors at a few horizons for each data set and depth (shares are of the last second), and merges."""
     for (data_set,), of_set in found.scores.group_by("data_set", maintain_order=True):
         shown_cases = None
         for (depth,), rows in of_set.group_by("depth", maintain_order=True):
@@ -329,8 +330,13 @@ def print_benchmark(found: "Benchmark") -> None:
             shown_cases = most
             who = f"leaders known: {depth!s} or more" if depth else "all cases"
             _print_benchmark_table(f"{data_set!s}, {who} (n = {most:,}): mean absolute error (m)", rows)
+    if found.merge_scores.height:
+        for (data_set,), of_set in found.merge_scores.group_by("data_set", maintain_order=True):
+            _print_merge_table(str(data_set), of_set)
     for name, about in found.record["data_sets"].items():
         say(f"{name}: trained on {about['train']:,} cases, tested on {about['test']:,}; split: {about['split']}")
+        for model, count in about.get("overlaps", {}).items():
+            say(f"{name}: {count:,} samples of {model} overlap another vehicle")
     for name, reason in found.record["left_out"].items():
         say(f"{name}: left out, {reason}")
 
@@ -353,4 +359,20 @@ def _print_benchmark_table(title: str, rows: "pl.DataFrame") -> None:
             lines.append(([str(model)], shown))
     for models, shown in lines:
         table.add_row(models[0] if len(models) == 1 else f"{models[0]} ... {models[-1]}", *shown)
+    output.print(table)
+
+
+def _print_merge_table(data_set: str, rows: "pl.DataFrame") -> None:
+    of_times = rows.filter(rows["horizon"].is_null())
+    n = max(of_times["n"].to_list())
+    table = Table(title=escape(f"{data_set}, time to the merge (n = {n:,} within 15 s)"), title_justify="left")
+    heads = ("error (s)", "of K.-M.", "C-index", "gap right")
+    table.add_column("model", no_wrap=True)
+    for head in (*heads, *(f"skill {horizon:.0f} s" for horizon in SHOWN_SKILLS)):
+        table.add_column(head, justify="right")
+    columns = ("time_error", "time_error_ratio", "c_index", "gap_accuracy")
+    for row in of_times.iter_rows(named=True):
+        skills = rows.filter((rows["model"] == row["model"]) & rows["horizon"].is_in(SHOWN_SKILLS))["brier_skill"]
+        cells = ["–" if value is None else f"{value:.2f}" for value in (*(row[name] for name in columns), *skills)]
+        table.add_row(row["model"], *cells)
     output.print(table)

@@ -1,15 +1,26 @@
 """Two small forecasters, one of each mode, and scenes that they have not seen."""
 
+from dataclasses import replace
+
 import pytest
 
 from rampcast.forecast.forecaster import Forecaster, TrainingSpec, fit_forecaster
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.mode import Mode
 from rampcast.recording import clean, concatenate
 from rampcast.scenes import Scenes, build_scenes
 from tests.traffic import random_traffic
 
-SMALL = TrainingSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=7, anchor_spacing=1.0, trees=4)
+SMALL = TrainingSpec(
+    lstm=LstmSpec(units=6, epochs=1, batch=64),
+    window_stride=7,
+    anchor_spacing=1.0,
+    trees=4,
+    scene_spacing=2.0,
+    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=6)),
+)
 
 
 @pytest.fixture(scope="package")
@@ -21,8 +32,7 @@ def training():
 @pytest.fixture(scope="package")
 def fit(training):
     def fitted(mode: Mode, seed: int = 1) -> Forecaster:
-        spec = TrainingSpec(lstm=SMALL.lstm, window_stride=7, anchor_spacing=1.0, trees=4, seed=seed)
-        return fit_forecaster(training, mode=mode, spec=spec)
+        return fit_forecaster(training, mode=mode, spec=replace(SMALL, seed=seed))
 
     return fitted
 

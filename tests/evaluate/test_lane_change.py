@@ -43,6 +43,8 @@ def test_metrics_by_hand() -> None:
             "npv": 1 / 2,
             "base_rate": 3 / 5,
             "brier": (0.01 + 0.16 + 0.25 + 0.04 + 0.64) / 5,
+            "best_accuracy": 4 / 5,  # between 0.2 and 0.5: the one at 0.8 is wrong
+            "brier_skill": 1 - (1.10 / 5) / (3 / 5 * 2 / 5),
         }
     )
 
@@ -57,6 +59,9 @@ def test_metrics_equal_those_of_scikit_learn(samples: list[tuple[float, bool]]) 
         assert got[name] == (pytest.approx(right / of) if of else None)
     assert got["accuracy"] == pytest.approx(metrics.accuracy_score(positive, said))
     assert got["brier"] == pytest.approx(metrics.mean_squared_error(positive, probability))
+    thresholds = [-1.0, *probability]
+    best = max(metrics.accuracy_score(positive, probability > threshold) for threshold in thresholds)
+    assert got["best_accuracy"] == pytest.approx(best)
 
 
 def test_metrics_of_nothing_and_of_no_answer_are_none() -> None:
@@ -65,11 +70,34 @@ def test_metrics_of_nothing_and_of_no_answer_are_none() -> None:
 
 
 def test_the_table_has_a_row_for_each_sampling_kind_and_t(table: pl.DataFrame) -> None:
-    names = ["mode", "reading", "sampling", "kind", "t", "n", "positives", "accuracy", "tpr", "tnr", "ppv", "npv"]
-    assert table.columns == [*names, "base_rate", "brier", "censored", "changed_already"]
+    names = [
+        "mode",
+        "model",
+        "reading",
+        "sampling",
+        "kind",
+        "t",
+        "n",
+        "positives",
+        "accuracy",
+        "tpr",
+        "tnr",
+        "ppv",
+        "npv",
+    ]
+    assert table.columns == [
+        *names,
+        "base_rate",
+        "brier",
+        "best_accuracy",
+        "brier_skill",
+        "censored",
+        "changed_already",
+    ]
     assert table.select("sampling", "kind", "t").is_duplicated().sum() == 0
     assert len(table) == 2 * 2 * 16
     assert set(table["mode"]) == {"paper"}
+    assert set(table["model"]) == {"forests"}
     assert set(table["reading"]) == {"label"}
     assert table["n"].min() > 0
 
@@ -98,6 +126,14 @@ def test_balanced_sets_are_even_and_natural_sets_have_the_base_rate(table: pl.Da
 def test_the_seed_fixes_the_table(forests: LaneChangeForests, test_anchors: Anchors, table: pl.DataFrame) -> None:
     assert lane_change_table(forests, test_anchors, seed=0).equals(table)
     assert not lane_change_table(forests, test_anchors, seed=1).equals(table)
+
+
+def test_certain_and_right_is_all_the_skill_there_is() -> None:
+    right = binary_metrics(np.array([1.0, 0.0, 0.0]), np.array([True, False, False]))
+    assert (right["brier_skill"], right["best_accuracy"]) == (1.0, 1.0)
+    of_one_kind = binary_metrics(np.array([0.2, 0.1]), np.array([False, False]))
+    assert of_one_kind["brier_skill"] is None
+    assert of_one_kind["best_accuracy"] == 1.0
 
 
 def test_an_undefined_metric_is_null(forests: LaneChangeForests, test_anchors: Anchors) -> None:

@@ -7,11 +7,13 @@ import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError
-from rampcast.evaluate.examples import GOOD_ERROR, choose_examples, example_scenes
+from rampcast.evaluate.examples import GOOD_ERROR, choose_examples, example_scenes, scene_tracks
 from rampcast.evaluate.parameters import outcome_table, parameter_table
 from rampcast.evaluate.protocol import evaluate, test_scenes
 from rampcast.forecast.forecaster import TrainingSpec, fit_forecaster
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.calibration import Calibration, Outcome
+from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
@@ -19,7 +21,14 @@ from rampcast.recording import clean
 from rampcast.scenes.scenes import CENTRAL, X
 from tests.traffic import random_traffic
 
-SMALL = TrainingSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=1.0, trees=3)
+SMALL = TrainingSpec(
+    lstm=LstmSpec(units=4, epochs=1, batch=64),
+    window_stride=9,
+    anchor_spacing=1.0,
+    trees=3,
+    scene_spacing=2.0,
+    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
+)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +91,41 @@ def test_an_evaluation_holds_every_table_with_its_mode(evaluation):
     lane_change = evaluation.tables["lane_change"]
     assert set(lane_change["reading"]) == {"label", "crossing"}
     assert set(lane_change["sampling"]) == {"balanced", "natural"}
+
+
+def test_our_own_model_stands_before_the_others(evaluation):
+    central = evaluation.tables["longitudinal"].filter(pl.col("group") == "central")
+    assert central["model"].unique(maintain_order=True)[0] == "rampcast"
+    lane_change = evaluation.tables["lane_change"]
+    assert lane_change["model"].unique(maintain_order=True).to_list() == ["rampcast", "forests"]
+    cases = lane_change.group_by("model", "reading", "sampling").len()
+    assert cases["len"].unique().to_list() == [2 * 16]
+    own = cases.filter(pl.col("model") == "rampcast").select("reading", "sampling").rows()
+    assert sorted(own) == [("crossing", "balanced"), ("crossing", "natural"), ("label", "natural")]
+
+
+def test_balanced_sets_of_our_own_model_have_a_change_at_every_t(evaluation):
+    balanced = (pl.col("sampling") == "balanced") & (pl.col("reading") == "crossing")
+    rows = evaluation.tables["lane_change"].filter(balanced & pl.col("t").is_between(0, 15)).sort("kind", "t")
+    own, forests = (rows.filter(pl.col("model") == name)["positives"] for name in ("rampcast", "forests"))
+    at = (rows.filter(pl.col("model") == "rampcast")["kind"] == "at").to_numpy()
+    assert (own.to_numpy()[at] == forests.to_numpy()[at]).all()
+    assert (own.to_numpy()[~at][2:] > 0).all()  # here nobody crosses within 1 s of a whole history in the ramp lane
+
+
+def test_lane_changes_of_our_own_model_are_scored_on_the_scenes_whose_positions_are(evaluation):
+    natural = (pl.col("sampling") == "natural") & (pl.col("kind") == "within") & (pl.col("reading") == "crossing")
+    rows = evaluation.tables["lane_change"].filter(natural & (pl.col("model") == "rampcast"))
+    counted = rows.select(pl.col("n") + pl.col("censored") + pl.col("changed_already")).to_series()
+    assert counted.unique().to_list() == [len(evaluation.scenes)]
+
+
+def test_the_band_of_an_example_holds_its_median(evaluation):
+    tracks = scene_tracks(0, evaluation.scenes, evaluation.forecast)
+    band = tracks.filter(pl.col("kind") == "band").pivot("series", index="t", values="x")
+    median = tracks.filter(pl.col("series") == "central forecast (rampcast)")["x"]
+    assert (band["central 5 % quantile"] <= median).all()
+    assert (median <= band["central 95 % quantile"]).all()
 
 
 def test_examples_are_chosen_by_what_they_show(evaluation):

@@ -1,14 +1,16 @@
 """Saving and loading a forecaster."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from rampcast.errors import ModelError, RecordingError
 from rampcast.forecast.forecaster import TrainingSpec, fit_forecaster
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.storage import load, save
+from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.physics.mode import Mode
 from rampcast.recording import clean, load_site
@@ -16,7 +18,14 @@ from rampcast.recording.ramps import without_ramp
 from rampcast.scenes import build_scenes
 from tests.traffic import random_traffic
 
-SMALL = TrainingSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=2.0, trees=3)
+SMALL = TrainingSpec(
+    lstm=LstmSpec(units=4, epochs=1, batch=64),
+    window_stride=9,
+    anchor_spacing=2.0,
+    trees=3,
+    scene_spacing=2.0,
+    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
+)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +51,8 @@ def test_a_loaded_forecaster_gives_the_same_forecast(folder, forecaster, recordi
     for name, x in before.x.items():
         np.testing.assert_array_equal(x, after.x[name], err_msg=name)
     np.testing.assert_array_equal(before.p_within, after.p_within)
+    for field in fields(before.scene):
+        np.testing.assert_array_equal(getattr(before.scene, field.name), getattr(after.scene, field.name))
     assert loaded.site == forecaster.site
     assert (loaded.mode, loaded.training, loaded.trained_on) == (Mode.CORRECTED, SMALL, ("i80-1",))
     assert loaded.data_hash == forecaster.data_hash
@@ -55,9 +66,27 @@ def test_the_folder_holds_no_pickle(folder):
         "model.json",
         "network.eqx",
         "network.eqx",
+        "scene.npz",
     ]
-    with np.load(folder / "forests.npz", allow_pickle=False) as arrays:
-        assert all(arrays[name].dtype != object for name in arrays)
+    for name in ("forests.npz", "scene.npz"):
+        with np.load(folder / name, allow_pickle=False) as arrays:
+            assert all(arrays[name].dtype != object for name in arrays)
+
+
+def test_a_model_of_paper_mode_has_no_scene_forecaster(tmp_path, recording):
+    save(fit_forecaster(recording, mode=Mode.PAPER, spec=SMALL), tmp_path / "paper")
+    assert not (tmp_path / "paper" / "scene.npz").exists()
+    assert load(tmp_path / "paper").scene is None
+
+
+def test_a_folder_of_an_older_form_is_refused_with_advice(folder):
+    path = folder / "model.json"
+    values = json.loads(path.read_text())
+    path.write_text(json.dumps(values | {"folder_version": 1}))
+    with pytest.raises(
+        ModelError, match=r"a model folder of form 1, this rampcast reads form 2; train the model again"
+    ):
+        load(folder)
 
 
 def test_a_folder_of_another_version_is_refused_with_advice(folder):
@@ -68,7 +97,7 @@ def test_a_folder_of_another_version_is_refused_with_advice(folder):
         load(folder)
 
 
-@pytest.mark.parametrize("name", ["forests.npz", "ramp/network.eqx", "target/model.json", "model.json"])
+@pytest.mark.parametrize("name", ["forests.npz", "scene.npz", "ramp/network.eqx", "target/model.json", "model.json"])
 @pytest.mark.parametrize("damage", ["emptied", "cut", "missing"])
 def test_a_damaged_folder_is_an_error_that_says_so(folder, name, damage):
     path = folder / name

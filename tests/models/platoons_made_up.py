@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons
+from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 from rampcast.scenes.scenes import FUTURE, STEP
 
 DRIVER = (2.0, 1.3, 1.1, 1.8, 22.0, 4.0)
@@ -78,4 +78,5 @@ def _platoons(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> Platoons:
         states.append(held)
     valid = np.isfinite(states[0])
     length = np.where(valid[:, :, -1], LENGTH, np.nan)
-    return Platoons(*states, valid=valid, length=length, kind=np.full((count, PLACES), CAR))
+    kind = np.full((count, PLACES), CAR)
+    return Platoons(*states, valid=valid, length=length, kind=kind, traffic=no_traffic(count))

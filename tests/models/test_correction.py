@@ -7,7 +7,7 @@ import numpy as np
 from rampcast.models.correction import KNOTS, LEVELS, CorrectionSpec, Rolled, fit_correction, over_time
 from rampcast.models.folds import time_folds
 
-SPEC = CorrectionSpec(trees=16, seeds=1, learning_rate=0.2)
+SPEC = CorrectionSpec(trees=16, learning_rate=0.2)
 
 
 def made_up(count: int, seed: int, *, wrong: float) -> tuple[Rolled, np.ndarray]:

@@ -92,8 +92,9 @@ def test_the_error_of_forecasts_draws_metres_of_the_table(three_laws: pl.DataFra
     assert_readable(ax)
 
 
-def test_every_model_and_baseline_has_a_look_of_its_own(central: pl.DataFrame) -> None:
-    ax = forecast_error(central)
+def test_every_model_and_baseline_has_a_look_of_its_own() -> None:
+    ax = forecast_error(_one(tidy_tables.longitudinal(), mode="corrected", group="central"))
+    assert legend_labels(ax)[0] == "rampcast"
     assert len(_lines(ax)) == len(tidy_tables.ERROR_AT_15) == len(set(_lines(ax)))
     assert "IDM, true leader" in legend_labels(ax)
     assert_readable(ax)

@@ -33,7 +33,9 @@ def test_the_error_table_marks_the_best_of_each_column_but_never_a_floor() -> No
     rows = [i for i, row in enumerate(table.rows) if row[:2] == ("central", "mean error [m]")]
     last = len(table.rows[0]) - 1
     best = [table.rows[i][2] for i in rows if (i, last) in table.strong]
-    assert best == ["Gipps (1981)"]
+    assert best == ["rampcast"]
+    paper = [table.rows[i][2] for i in rows if (i, last - 6) in table.strong]
+    assert paper == ["Gipps (1981)"]
 
 
 def test_the_outcomes_are_counts_with_shares() -> None:
@@ -42,8 +44,19 @@ def test_the_outcomes_are_counts_with_shares() -> None:
 
 def test_the_lane_change_table_begins_with_paper_mode_and_within() -> None:
     table = lane_change_table(tidy_tables.lane_change(), number="A5")
-    assert table.rows[0][:6] == ("paper mode", "label", "balanced", "within 1", "240", "120")
+    assert table.rows[0][:7] == ("paper mode", "label", "balanced", "within 1", "forests", "240", "120")
     assert table.rows[6][3] == "at 1"
+
+
+def test_the_models_stand_one_below_the_other_in_the_lane_change_table() -> None:
+    table = lane_change_table(tidy_tables.lane_change(), number="A5")
+    corrected = [row for row in table.rows if row[0] == "corrected mode"]
+    assert [row[3:5] for row in corrected[:3]] == [
+        ("within 1", "rampcast"),
+        ("within 1", "forests"),
+        ("within 3", "rampcast"),
+    ]
+    assert table.head[0][-1] == ("Brier skill [%]", 1)
 
 
 @pytest.mark.parametrize("table", [error_table, outcome_table, lane_change_table])

@@ -29,6 +29,17 @@ def test_a_scene_shows_the_central_vehicle_its_forecasts_and_six_named_neighbour
     assert_readable(ax)
 
 
+def test_a_forecast_with_samples_is_the_first_and_has_its_band() -> None:
+    corrected = tidy_tables.examples().filter((pl.col("mode") == "corrected") & (pl.col("example") == "good_1"))
+    ax = scene_tracks(corrected, ramp_end=230.0)
+    assert legend_labels(ax)[4:7] == ["central, observed", "rampcast, 90 % band", "central, rampcast"]
+    (band,) = ax.collections
+    low, high = (corrected.filter(pl.col("series") == f"central {name} quantile")["x"] for name in ("5 %", "95 %"))
+    edges = band.get_paths()[0].get_extents()
+    assert (edges.y0, edges.y1) == (pytest.approx(low.min()), pytest.approx(high.max()))
+    assert_readable(ax)
+
+
 def test_a_virtual_vehicle_far_away_does_not_squeeze_the_scene(example: pl.DataFrame) -> None:
     far = example.with_columns(x=pl.when(pl.col("slot") == "target_leader_2").then(500.0).otherwise(pl.col("x")))
     assert scene_tracks(far).get_ylim()[1] < 350.0
@@ -49,6 +60,18 @@ def test_the_picture_of_a_forecast_has_the_probability_below(
     assert below.get_ylabel() == "probability [%]"
     assert legend_labels(below) == ["changes lane within t", "changes lane at t"]
     assert_readable(above)
+
+
+def test_both_models_of_lane_changes_are_drawn_under_their_names(
+    example: pl.DataFrame, probabilities: pl.DataFrame
+) -> None:
+    both = pl.concat([probabilities.with_columns(model=pl.lit(name)) for name in ("rampcast", "forests")])
+    below = plot_forecast(example, lane_change=both, ramp_end=230.0).axes[1]
+    assert legend_labels(below) == [
+        "changes lane within t, rampcast",
+        "changes lane within t, forests",
+        "changes lane at t, forests",
+    ]
 
 
 def test_the_picture_of_a_forecast_works_without_lane_change(example: pl.DataFrame) -> None:

@@ -13,6 +13,7 @@ LAWS = {
     "gipps": (("a_n", "m/s^2"), ("b_n", "m/s^2"), ("V_n", "m/s"), ("tau", "s")),
 }
 ERROR_AT_15 = {
+    "rampcast": 9.0,
     "idm": 18.0,
     "gipps_paper": 16.0,
     "ghr": 24.0,
@@ -32,6 +33,8 @@ def longitudinal() -> pl.DataFrame:
     cases += [("ramp_neighbour", "constant_velocity", 19.0), ("target_neighbour", "constant_velocity", 20.0)]
     rows = []
     for mode, (group, model, last), horizon in itertools.product(MODES, cases, range(1, 16)):
+        if (mode, model) == ("paper", "rampcast"):
+            continue
         error = (last if mode == "paper" else 0.8 * last) * (horizon / 15.0) ** 1.4
         near = {k: float(1.0 - np.exp(-((k / (0.55 * error + 0.2)) ** 1.3))) for k in (5.0, 10.0)}
         rows.append(
@@ -74,9 +77,10 @@ def outcomes() -> pl.DataFrame:
 
 def lane_change() -> pl.DataFrame:
     """Returns classification metrics; at t = 0 nothing can change lane within t and the rates are undefined."""
-    cases = [("paper", "label"), ("corrected", "label"), ("corrected", "crossing")]
+    cases = [("paper", "forests", "label")]
+    cases += [("corrected", model, reading) for model in ("rampcast", "forests") for reading in ("label", "crossing")]
     rows = []
-    for (mode, reading), sampling, kind, t in itertools.product(
+    for (mode, model, reading), sampling, kind, t in itertools.product(
         cases, ("balanced", "natural"), ("within", "at"), range(16)
     ):
         accuracy = 0.92 + 0.05 * np.cos(t / 2.5) if kind == "within" else 0.95 - 0.014 * t
@@ -86,6 +90,7 @@ def lane_change() -> pl.DataFrame:
         rows.append(
             {
                 "mode": mode,
+                "model": model,
                 "reading": reading,
                 "sampling": sampling,
                 "kind": kind,
@@ -97,6 +102,8 @@ def lane_change() -> pl.DataFrame:
                 "tnr": accuracy + 0.02,
                 "ppv": (accuracy + 0.03 if sampling == "balanced" else 0.02 + 0.06 * t) if positives else float("nan"),
                 "npv": accuracy - 0.03,
+                "best_accuracy": accuracy + 0.01,
+                "brier_skill": 0.5 - 0.02 * t,
             }
         )
     return pl.DataFrame(rows, infer_schema_length=None)
@@ -121,7 +128,11 @@ def examples() -> pl.DataFrame:
     rows = []
     for mode, (number, name) in itertools.product(MODES, enumerate(("shock_1", "shock_2", "good_1", "good_2"))):
         key = {"mode": mode, "example": name, "title": f"vehicle {100 + number} of i80-2, t0 = {40 + number}.0 s"}
-        rows += [key | row for row in _scene(slow_from=2.0 + number, slow=number < 2)]
+        rows += [
+            key | row
+            for row in _scene(slow_from=2.0 + number, slow=number < 2)
+            if mode == "corrected" or not ("rampcast" in str(row["series"]) or row["kind"] == "band")
+        ]
     return pl.DataFrame(rows)
 
 
@@ -139,8 +150,10 @@ def _scene(*, slow_from: float, slow: bool) -> list[dict[str, object]]:
         )
 
     add("central observed", "central", "observed", time, x)
-    for model, v in (("GHR", 7.2), ("IDM", 6.4), ("LSTM alone", 8.3)):
+    for model, v in (("rampcast", 6.9), ("GHR", 7.2), ("IDM", 6.4), ("LSTM alone", 8.3)):
         add(f"central forecast ({model})", "central", "forecast", future, x[19] + v * future)
+    for name, v in (("5 %", 6.0), ("95 %", 7.8)):
+        add(f"central {name} quantile", "central", "band", future, x[19] + v * future)
     for slot, offset in zip(SLOTS, (22.0, -18.0, 9.0, 30.0, -9.0, -30.0), strict=True):
         add(f"{slot} observed", slot, "observed", time, x + offset)
         if not slot.endswith(("follower_2",)):

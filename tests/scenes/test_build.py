@@ -8,7 +8,18 @@ import pytest
 
 from rampcast.errors import RecordingError
 from rampcast.recording import clean
-from rampcast.scenes import FEATURES, FUTURE, PAST, SLOTS, STEP, build_scenes, training_windows
+from rampcast.scenes import (
+    FEATURES,
+    FUTURE,
+    PAST,
+    SLOTS,
+    STEP,
+    build_neighbour_scenes_at,
+    build_scenes,
+    find_anchors,
+    training_windows,
+)
+from rampcast.scenes.merge_scenes import BEHIND
 from rampcast.scenes.scenes import CENTRAL, LEADER, TARGET_FOLLOWER_1, TARGET_LEADER_1, X
 from tests.traffic import SITE, random_traffic
 
@@ -64,6 +75,37 @@ def test_unseen_future_is_nan_and_unseen_past_goes_back_at_constant_velocity(sce
         first = int(np.argmax(scenes.past_valid[scene, slot]))
         x, _, v = scenes.past[scene, slot, :, :3].T
         np.testing.assert_allclose(np.diff(x[: first + 1]), v[first] * STEP, atol=1e-9)
+
+
+def test_the_traffic_around_begins_with_the_neighbours(scenes):
+    around = scenes.around
+    assert len(around) == len(scenes)
+    assert around.may_merge.all()
+    np.testing.assert_array_equal(around.own.x[:, 0, -1], scenes.past[:, CENTRAL, -1, X])
+    np.testing.assert_allclose(around.to_end, SITE.ramp_end - scenes.past[:, CENTRAL, -1, X])
+    for slot, platoons, place in (
+        (LEADER, around.own, 1),
+        (TARGET_LEADER_1, around.target, BEHIND),
+        (TARGET_FOLLOWER_1, around.target, BEHIND - 1),
+    ):
+        there = ~scenes.virtual[:, slot]
+        np.testing.assert_array_equal(platoons.present[:, place], there)
+        np.testing.assert_array_equal(platoons.x[there, place, -1], scenes.past[there, slot, -1, X])
+
+
+def test_chosen_scenes_keep_their_traffic_around(scenes):
+    for rows in (np.array([5, 2]), scenes.lane == 7):
+        np.testing.assert_array_equal(scenes.select(rows).around.own.x, scenes.around.own.x[rows])
+        np.testing.assert_array_equal(scenes.select(rows).around.to_end, scenes.around.to_end[rows])
+
+
+def test_scenes_of_neighbours_are_the_same_without_traffic_around_and_future(recording, scenes):
+    few = build_neighbour_scenes_at(recording, find_anchors(recording, every=1.0))
+    assert few.around is None
+    assert few.select(np.arange(3)).around is None
+    assert few.future.shape[2] == 0
+    for name in ("vehicle", "t0", "past", "role_past", "change_crossing", "seen_for"):
+        np.testing.assert_array_equal(getattr(few, name), getattr(scenes, name))
 
 
 def test_missing_neighbours_stand_where_the_paper_puts_them(scenes):
@@ -137,6 +179,12 @@ def test_the_future_of_the_recording_does_not_reach_the_past_of_a_scene(recordin
         "role_length",
     ):
         np.testing.assert_array_equal(getattr(same, name), getattr(cut_scenes, name))
+    for platoons, cut_platoons in (
+        (same.around.own, cut_scenes.around.own),
+        (same.around.target, cut_scenes.around.target),
+    ):
+        for name in ("x", "v", "a", "valid", "length", "kind"):
+            np.testing.assert_array_equal(getattr(platoons, name), getattr(cut_platoons, name))
 
 
 def test_a_filled_frame_is_no_truth_and_no_anchor(recording):

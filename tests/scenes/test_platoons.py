@@ -10,7 +10,15 @@ from scipy.signal import savgol_filter
 from rampcast.errors import RecordingError
 from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
-from rampcast.scenes.platoons import HISTORY, PLACES, Tracks, build_platoons, platoons_of_tracks, tracks_of_table
+from rampcast.scenes.platoons import (
+    HISTORY,
+    PLACES,
+    Tracks,
+    build_platoons,
+    platoons_of_tracks,
+    tracks_of_table,
+    traffic_around,
+)
 from tests.factories import TEST_SITE
 
 FRAMES = 100
@@ -184,3 +192,37 @@ def test_a_smoothed_recording_gives_its_own_states_and_a_raw_one_those_without_t
     np.testing.assert_array_equal(of_smoothed.v[0, 1], own[c.V].to_numpy())
     assert np.abs(of_raw.v[0, 1, -1] - of_smoothed.v[0, 1, -1]) > 1e-3
     np.testing.assert_allclose(of_raw.x[0, :2], of_smoothed.x[0, :2], atol=0.3)
+
+
+def test_the_traffic_around_is_the_mean_speed_of_each_stretch_now_and_3_s_before():
+    """At frame 60 vehicle 1 is at 60 m (10 m/s), 2 at 112 m (2 m/s) and 3 at 130 m (5 m/s), 52 and 70 m ahead of it;
+    4 is at 30 m (4 m/s), 30 m behind. At frame 30 they are at 30, 106, 115 and 18 m: -30, 46, 55 and -42 m from 60 m.
+    """
+    time = 0.1 * np.arange(FRAMES)
+    places = {1: 10.0 * time, 2: 100.0 + 2.0 * time, 3: 100.0 + 5.0 * time, 4: 6.0 + 4.0 * time}
+    table = table_of(places, {}).with_columns(road=3)
+    tracks = tracks_of_table(table, time_step=0.1)
+    found = platoons_of_tracks(tracks, row_of(tracks, 1, 60)).traffic[0]
+    nobody = [np.nan] * 4
+    np.testing.assert_allclose(found[0], [4.0, 10.0, 3.5, *nobody])
+    np.testing.assert_allclose(found[1], [7.0, np.nan, 3.5, *nobody])
+
+
+def test_traffic_of_another_road_or_of_no_known_road_does_not_count():
+    time = 0.1 * np.arange(FRAMES)
+    table = table_of({1: 10.0 * time, 2: 50.0 + 2.0 * time}, {})
+    apart = tracks_of_table(table.with_columns(road=pl.col("vehicle")), time_step=0.1)
+    found = traffic_around(apart, row_of(apart, 1, 60))
+    np.testing.assert_allclose(found[0], [[np.nan, 10.0, *[np.nan] * 5], [10.0, *[np.nan] * 6]])
+    unknown = tracks_of_table(table, time_step=0.1)
+    assert np.isnan(traffic_around(unknown, row_of(unknown, 1, 60))).all()
+
+
+def test_traffic_is_not_known_before_it_has_been_seen_for_a_second():
+    time = 0.1 * np.arange(FRAMES)
+    table = table_of({1: 10.0 * time}, {}).with_columns(road=1)
+    tracks = tracks_of_table(table, time_step=0.1)
+    at = np.concatenate([row_of(tracks, 1, frame) for frame in (9, 10, 39, 40)])
+    own, before = traffic_around(tracks, at)[:, 0, 1], traffic_around(tracks, at)[:, 1, 0]
+    np.testing.assert_allclose(own, [np.nan, 10.0, 10.0, 10.0])
+    np.testing.assert_allclose(before, [np.nan, np.nan, np.nan, 10.0])

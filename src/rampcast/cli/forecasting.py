@@ -43,7 +43,7 @@ def train(
     stride: Stride = 1,
     seed: Seed = 1,
 ) -> None:
-    """Trains a forecaster: two neighbour LSTMs and 32 lane-change forests."""
+    """Trains a forecaster: two neighbour LSTMs, 32 lane-change forests and, in corrected mode, the scene forecaster."""
     from rampcast.forecast.forecaster import fit_forecaster
     from rampcast.forecast.storage import save
 
@@ -68,7 +68,10 @@ def forecast(
     skip_bad_rows: SkipBadRows = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
 ) -> None:
-    """Forecasts every on-ramp vehicle at every anchor time; writes forecast.parquet and lane_change.parquet."""
+    """Forecasts every on-ramp vehicle at every anchor time; writes forecast.parquet and lane_change.parquet.
+
+    A model of corrected mode writes gap.parquet and conflicts.parquet too. The columns: docs/forecast_files.md.
+    """
     from rampcast.forecast.storage import load
     from rampcast.recording.files import write_table
     from rampcast.scenes import build_scenes
@@ -77,7 +80,13 @@ def forecast(
         forecaster = load(model)
         smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
         result = forecaster.predict(build_scenes(smoothed, every=every))
-        tables = {"forecast": result.position_table(), "lane_change": result.lane_change_table()}
+        tables = {
+            "forecast": result.position_table(),
+            "lane_change": result.lane_change_table(),
+            "gap": result.gap_table(),
+            "conflicts": result.conflict_table(),
+        }
+        tables = {name: table for name, table in tables.items() if table.height}
         written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
     terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")
 
@@ -158,6 +167,7 @@ def benchmark(
 ) -> None:
     """Scores every model and baseline on the open benchmark, and writes each single forecast for others to score."""
     from rampcast.evaluate.benchmark import default_folder, run_benchmark, write_benchmark
+    from rampcast.report.benchmark_pictures import write_benchmark_pictures
     from rampcast.simulate import shipped_sample
 
     train = train or default_folder()
@@ -166,6 +176,7 @@ def benchmark(
     terminal.print_benchmark(found)
     for path in write_benchmark(found, out, command=user_command()):
         terminal.say(f"wrote {path}")
+    terminal.say(f"wrote {len(write_benchmark_pictures(out))} pictures to {out}")
 
 
 @app.command(epilog="Example:\n\nrampcast demo --out out/demo")

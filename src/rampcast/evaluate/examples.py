@@ -4,12 +4,13 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float
 
-from rampcast.forecast.forecaster import Forecast
 from rampcast.forecast.longitudinal import MODELS
+from rampcast.forecast.result import BANDS, Forecast
 from rampcast.scenes.scenes import CENTRAL, FUTURE, PAST, SLOTS, STEP, Scenes, V, X
 
 SHOWN_MODEL = "ghr"  # the paper shows its scenes with GHR
-SHOWN_MODELS = ("ghr", "idm", "lstm_alone")
+SHOWN_MODELS = ("rampcast", "ghr", "idm", "lstm_alone")
+BAND = {"x_q05": "5 % quantile", "x_q95": "95 % quantile"}  # of the forecast that has them
 GOOD_ERROR = 5.0  # [m] the paper's closer bound: a good scene stays within it for the whole 15 s
 WAVE_SPEED_CHANGE = 3.0  # [m/s] a vehicle whose speed changes by more in 15 s has met a wave
 
@@ -76,7 +77,10 @@ _SCHEMA = {
 
 
 def scene_tracks(scene: int, scenes: Scenes, forecast: Forecast) -> pl.DataFrame:
-    """Returns the observed, predicted and forecast tracks of one scene; columns series, slot, kind, t [s], x [m]."""
+    """Returns the observed, predicted and forecast tracks of one scene; columns series, slot, kind, t [s], x [m].
+
+    Of a forecast with samples there are the 5 % and the 95 % quantile too, of the kind "band".
+    """
     parts = []
     for slot in np.flatnonzero(~scenes.virtual[scene]):
         name = SLOTS[slot]
@@ -91,6 +95,11 @@ def scene_tracks(scene: int, scenes: Scenes, forecast: Forecast) -> pl.DataFrame
         x = forecast.x[model][scene]
         label = f"central forecast ({MODELS[model].label})"
         parts.append(_series(label, "central", "forecast", FUTURE_TIME[: len(x)], x))
+    bands = forecast.bands()
+    if bands is not None:
+        for name, label in BAND.items():
+            x = bands[scene, :, list(BANDS).index(name)]
+            parts.append(_series(f"central {label}", "central", "band", FUTURE_TIME[: len(x)], x))
     return pl.concat(parts)
 
 

@@ -5,24 +5,37 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from rampcast.errors import RecordingError
 from rampcast.evaluate.examples import example_scenes
-from rampcast.evaluate.lane_change import lane_change_table
+from rampcast.evaluate.lane_change import lane_change_scores, lane_change_table
 from rampcast.evaluate.longitudinal import central_errors, neighbour_errors
 from rampcast.evaluate.parameters import outcome_table, parameter_table
-from rampcast.forecast.forecaster import READINGS, Forecast, Forecaster, window_hashes
+from rampcast.forecast.forecaster import READINGS, Forecaster, window_hashes
 from rampcast.forecast.neighbours import continue_at_constant_speed
-from rampcast.models.forest_sets import Reading, lane_change_anchors
+from rampcast.forecast.result import OWN, Forecast, lane_change_at_seconds
+from rampcast.forecast.scene_forecaster import SceneForecaster
+from rampcast.models.forest_sets import KINDS, STEPS_PER_SECOND, TIMES, Anchors, Reading, Sampling, lane_change_anchors
 from rampcast.models.forests import importance_table, training_table
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
 from rampcast.recording import Recording
-from rampcast.scenes import FUTURE, STEP, Scenes, build_scenes, build_scenes_at, find_anchors
+from rampcast.scenes import (
+    FUTURE,
+    STEP,
+    Scenes,
+    build_neighbour_scenes_at,
+    build_scenes,
+    build_scenes_at,
+    find_anchors,
+)
+from rampcast.scenes.merge_scenes import build_merge_scenes
 from rampcast.scenes.scenes import CENTRAL
 
 DRAWS_PER_VEHICLE = 2  # the paper: two random sub-trajectories of each test vehicle
+CHUNK = 1024  # scenes whose samples are kept at the same time: 100 MB
+LONGEST_WAIT = 16.0  # [s] before a lane change; the last of these says "no" to "within 15 s"
 
 
 @dataclass(frozen=True)
@@ -77,7 +90,8 @@ def evaluate(forecaster: Forecaster, recording: Recording, *, every: float = 1.0
         "examples": example_scenes(scenes, forecast),
     }
     with_mode = {name: _with_mode(table, forecaster.mode) for name, table in tables.items()}
-    return Evaluation(scenes, forecast, with_mode | _lane_change_tables(forecaster, recording, seed))
+    lane_changes = _lane_change_tables(forecaster, recording, scenes, forecast, seed)
+    return Evaluation(scenes, forecast, with_mode | lane_changes)
 
 
 def test_scenes(recording: Recording, mode: Mode, *, every: float, seed: int) -> Scenes:
@@ -89,7 +103,7 @@ def test_scenes(recording: Recording, mode: Mode, *, every: float, seed: int) ->
     if mode is Mode.CORRECTED:
         return build_scenes(recording, every=every)
     anchors = find_anchors(recording, every=STEP)
-    whole = anchors[build_scenes_at(recording, anchors, future=0).seen_for >= FUTURE * STEP - 1e-9]
+    whole = anchors[build_neighbour_scenes_at(recording, anchors).seen_for >= FUTURE * STEP - 1e-9]
     if not len(whole):
         raise RecordingError(
             "the paper's protocol needs on-ramp vehicles that are seen for 19 s, 4 of them in the ramp lane; there are "
@@ -113,18 +127,69 @@ def run_counts(recording: Recording, scenes: Scenes) -> dict[str, int]:
     }
 
 
-def _lane_change_tables(forecaster: Forecaster, recording: Recording, seed: int) -> dict[str, pl.DataFrame]:
+def _lane_change_tables(
+    forecaster: Forecaster, recording: Recording, scenes: Scenes, forecast: Forecast, seed: int
+) -> dict[str, pl.DataFrame]:
     """Returns the lane-change scores by both readings of the time, and the importances."""
-    scenes = build_scenes(recording, every=STEP, future=0)
+    all_rows = find_anchors(recording, every=STEP)
+    anchors = build_neighbour_scenes_at(recording, all_rows)
     scores = [
-        lane_change_table(forecaster.forests, lane_change_anchors(scenes, reading), seed=seed)
+        lane_change_table(forecaster.forests, lane_change_anchors(anchors, reading), seed=seed)
         for reading in _readings(forecaster.mode)
     ]
+    if forecaster.scene is not None and forecast.scene is not None:
+        natural = lane_change_at_seconds(forecast.scene)
+        of_samples = [
+            _own_scores(natural, lane_change_anchors(scenes, reading), forecaster.mode, Sampling.NATURAL, seed)
+            for reading in _readings(forecaster.mode)
+        ]
+        rows = _before_changes(anchors)
+        balanced = _lane_changes_of_samples(forecaster.scene, recording, all_rows[rows])
+        few = lane_change_anchors(anchors.select(rows), READINGS[forecaster.mode])
+        scores = [*of_samples, _own_scores(balanced, few, forecaster.mode, Sampling.BALANCED, seed), *scores]
     return {
         "lane_change": pl.concat(scores),
         "importance": importance_table(forecaster.forests),
         "training": training_table(forecaster.forests),
     }
+
+
+def _own_scores(
+    probability: tuple[Float[np.ndarray, "scene 16"], ...], anchors: Anchors, mode: Mode, sampling: Sampling, seed: int
+) -> pl.DataFrame:
+    """Returns the lane-change scores of the scene forecaster.
+
+    The forests are scored on an anchor every 0.2 s, as in the paper; to draw samples for each would take hours. At the
+    natural base rate the scenes whose positions are scored are a sample of the same.
+    """
+    by_kind = dict(zip(KINDS, probability, strict=True))
+    return lane_change_scores(by_kind, anchors, model=OWN, mode=mode, seed=seed, samplings=(sampling,))
+
+
+def _lane_changes_of_samples(
+    model: SceneForecaster, recording: Recording, rows: Int[np.ndarray, "scene"]
+) -> tuple[Float[np.ndarray, "scene 16"], ...]:
+    """Returns the probability of a lane change within, and at, each second, for vehicles at those rows."""
+    if not len(rows):
+        return (np.zeros((0, len(TIMES))),) * len(KINDS)
+    around = build_merge_scenes(recording, rows)
+    number = np.arange(len(rows))
+    parts = [
+        lane_change_at_seconds(model.predict(around.select(number[first : first + CHUNK])))
+        for first in range(0, len(rows), CHUNK)  # samples of all of them at once would fill the memory
+    ]
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+
+
+def _before_changes(scenes: Scenes) -> Int[np.ndarray, "row"]:
+    """Returns the scenes at whole seconds, up to `LONGEST_WAIT`, and one step, before a lane change or else a last row.
+
+    They are few, and balanced sets can be drawn of them: every vehicle has one at t, and one within t, for each t.
+    """
+    until = np.where(np.isnan(scenes.change_crossing), scenes.seen_for, scenes.change_crossing)
+    step = np.rint(until / STEP).astype(np.int64)
+    whole = (step % STEPS_PER_SECOND == 0) & (step > 0) & (step <= LONGEST_WAIT / STEP)
+    return np.flatnonzero(whole | (step == 1))
 
 
 def _readings(mode: Mode) -> Sequence[Reading]:

@@ -1,4 +1,7 @@
-"""The forecaster: neighbour models, car-following laws and lane-change forests put together as in the paper."""
+"""The forecaster: neighbour models, car-following laws and lane-change forests put together as in the paper.
+
+In corrected mode the scene forecaster stands beside them, which drives all vehicles around into the future together.
+"""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -8,14 +11,17 @@ from dataclasses import dataclass, field, replace
 import jax
 import numpy as np
 import polars as pl
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from rampcast.errors import ModelError
-from rampcast.forecast.longitudinal import MODELS, Inputs, calibrate_scenes
-from rampcast.forecast.neighbours import NeighbourForecast, predict_neighbours
+from rampcast.forecast.longitudinal import MODELS, Inputs, calibrate_scenes, models_of
+from rampcast.forecast.neighbours import predict_neighbours
+from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSpec
+from rampcast.forecast.records import as_plain
+from rampcast.forecast.result import OWN, Forecast
+from rampcast.forecast.scene_forecaster import SceneForecast, SceneForecaster, fit_scene_forecaster
 from rampcast.models import forests as lane_change
-from rampcast.models.calibration import Calibration
-from rampcast.models.forest_sets import TIMES, Reading, lane_change_anchors
+from rampcast.models.forest_sets import Reading, lane_change_anchors
 from rampcast.models.forests import SPECS, LaneChangeForests
 from rampcast.models.lstm import LstmSpec, NeighbourLstm, fit_lstm
 from rampcast.physics.laws import LAWS
@@ -23,8 +29,16 @@ from rampcast.physics.mode import Mode
 from rampcast.recording import Recording, Site
 from rampcast.recording import columns as c
 from rampcast.recording.sites import differences
-from rampcast.scenes import FUTURE, STEP, build_scenes, need_ramp, training_windows
-from rampcast.scenes.scenes import CENTRAL, Scenes
+from rampcast.scenes import (
+    FUTURE,
+    STEP,
+    build_neighbour_scenes_at,
+    build_scenes,
+    find_anchors,
+    need_ramp,
+    training_windows,
+)
+from rampcast.scenes.scenes import CENTRAL, LEADER, Scenes, X
 from rampcast.scenes.stand_ins import with_stand_ins
 
 Progress = Callable[[str, int, int], None]  # what is being done, steps done, steps in all
@@ -42,13 +56,17 @@ class TrainingSpec:
         window_stride: take a training window of the LSTMs at every so many steps; the paper takes all (1).
         anchor_spacing: time between the forests' training anchors [s]; the paper takes every step (0.2).
         trees: trees in each of the 32 forests.
-        seed: of weights, sample orders and forests.
+        scene_spacing: time between the scene forecaster's training anchors [s], a multiple of 0.2.
+        scene: what may be chosen of the scene forecaster.
+        seed: of weights, sample orders, forests and samples.
     """
 
     lstm: LstmSpec = field(default_factory=LstmSpec)
     window_stride: int = 1
     anchor_spacing: float = STEP
     trees: int = 100  # scikit-learn's default; the paper gives none
+    scene_spacing: float = 1.0  # nearer ones are much alike
+    scene: PlatoonForecasterSpec = FORECASTER
     seed: int = 1
 
 
@@ -61,6 +79,7 @@ class Forecaster:
         site: where it was trained.
         ramp, target: the neighbour models of the two lanes.
         forests: the lane-change classifiers.
+        scene: forecasts scenes as a whole; None in paper mode.
         training: how it was trained.
         trained_on: names of the windows it was trained on.
         data_hash: SHA-256 of their tracks.
@@ -72,94 +91,55 @@ class Forecaster:
     ramp: NeighbourLstm
     target: NeighbourLstm
     forests: LaneChangeForests
+    scene: SceneForecaster | None
     training: TrainingSpec
     trained_on: tuple[str, ...]
     data_hash: str
     window_hashes: tuple[str, ...]
 
-    def predict(self, scenes: Scenes, *, models: Sequence[str] = tuple(MODELS), steps: int = FUTURE) -> "Forecast":
+    def predict(self, scenes: Scenes, *, models: Sequence[str] | None = None, steps: int = FUTURE) -> Forecast:
         """Returns the forecast for every scene: positions by each model, and lane-change probabilities.
 
         Args:
             scenes: what is under a False of their masks, and their futures, are taken out before any model sees them.
-            models: keys of `MODELS`.
-            steps: how many steps of 0.2 s to forecast.
+            models: keys of `MODELS`; None for all that belong to the mode.
+            steps: how many steps of 0.2 s to forecast; the model "rampcast" gives 75 at most.
 
         Raises:
             ModelError: a model is unknown, or the scenes are of another site.
         """
         _need_same_site(self.site, scenes.site)
-        unknown = [name for name in models if name not in MODELS]
+        known = models_of(self.mode)
+        models = known if models is None else models
+        unknown = [name for name in models if name not in known]
         if unknown:
-            raise ModelError(f"unknown models {unknown}; there are {', '.join(MODELS)}")
+            raise ModelError(f"unknown models {unknown}; there are {', '.join(known)} in {self.mode} mode")
         scenes = with_stand_ins(scenes)
+        scene = self._predict_scene(scenes, steps) if OWN in models else None
         neighbours = predict_neighbours(scenes, ramp=self.ramp, target=self.target, steps=steps)
         calibrations = {name: calibrate_scenes(law, scenes, self.mode) for name, law in LAWS.items()}
-        inputs = Inputs(scenes=scenes, mode=self.mode, predicted=neighbours, calibrations=calibrations)
+        inputs = Inputs(scenes=scenes, mode=self.mode, predicted=neighbours, calibrations=calibrations, scene=scene)
         p_within, p_at = lane_change.predict(self.forests, lane_change_anchors(scenes, Reading.LABEL).features)
         return Forecast(
             recording=scenes.recording,
             vehicle=scenes.vehicle[:, CENTRAL],
             t0=scenes.t0,
+            start=scenes.past[:, CENTRAL, -1, X],
             x={name: MODELS[name].predict(inputs) for name in models},
             p_within=p_within,
             p_at=p_at,
             neighbours=neighbours,
             calibrations=calibrations,
+            scene=scene,
         )
 
-
-@dataclass(frozen=True)
-class Forecast:
-    """What is forecast for each scene.
-
-    Attributes:
-        recording, vehicle, t0: which window, which vehicle, and when [s].
-        x: by model, front position of the central vehicle at 0.2, 0.4, ... s after t0 [m].
-        p_within: probability of a lane change within 0, 1, ..., 15 s.
-        p_at: probability of a lane change at 0, 1, ..., 15 s.
-        neighbours: the predicted neighbours.
-        calibrations: the drivers fitted to the history, by car-following law.
-    """
-
-    recording: np.ndarray
-    vehicle: Int[np.ndarray, "scene"]
-    t0: Float[np.ndarray, "scene"]
-    x: dict[str, Float[np.ndarray, "scene future"]]
-    p_within: Float[np.ndarray, "scene 16"]
-    p_at: Float[np.ndarray, "scene 16"]
-    neighbours: NeighbourForecast
-    calibrations: dict[str, Calibration]
-
-    def position_table(self) -> pl.DataFrame:
-        """Returns the columns recording, vehicle, t0 [s], horizon [s], x [m], model."""
-        tables = []
-        for name, x in self.x.items():
-            steps = x.shape[1]
-            horizon = np.round(np.arange(1, steps + 1) * STEP, 1)
-            tables.append(
-                self._keys(steps).with_columns(
-                    horizon=pl.Series(np.tile(horizon, len(x))), x=pl.Series(x.ravel()), model=pl.lit(name)
-                )
+    def _predict_scene(self, scenes: Scenes, steps: int) -> SceneForecast:
+        if scenes.around is None or self.scene is None or steps > FUTURE:
+            raise ModelError(
+                f"the model '{OWN}' needs scenes with the traffic around them, which `build_scenes` makes, and "
+                f"forecasts {FUTURE * STEP:g} s at most"
             )
-        return pl.concat(tables)
-
-    def lane_change_table(self) -> pl.DataFrame:
-        """Returns the columns recording, vehicle, t0 [s], t [s], p_within, p_at."""
-        return self._keys(len(TIMES)).with_columns(
-            t=pl.Series(np.tile(np.array(TIMES, dtype=float), len(self.t0))),
-            p_within=pl.Series(self.p_within.ravel()),
-            p_at=pl.Series(self.p_at.ravel()),
-        )
-
-    def _keys(self, repeats: int) -> pl.DataFrame:
-        return pl.DataFrame(
-            {
-                "recording": np.repeat(self.recording, repeats),
-                "vehicle": np.repeat(self.vehicle, repeats),
-                "t0": np.round(np.repeat(self.t0, repeats), 1),
-            }
-        )
+        return self.scene.predict(scenes.around)
 
 
 def fit_forecaster(
@@ -181,7 +161,8 @@ def fit_forecaster(
     spec = spec or TrainingSpec()
     ramp, target = for_each_lane(lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress))
     forests = fit_lane_changes(recording, mode=mode, spec=spec, progress=progress)
-    return assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
+    scene = fit_scenes(recording, spec=spec, progress=progress) if mode is Mode.CORRECTED else None
+    return assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests, scene=scene)
 
 
 def _need_same_site(trained: Site, site: Site) -> None:
@@ -225,12 +206,43 @@ def fit_lane_changes(
 ) -> LaneChangeForests:
     """Returns the 32 lane-change forests; see `fit_forecaster`."""
     tell = progress or _silent
+    anchors = find_anchors(recording, every=spec.anchor_spacing)
     return lane_change.fit(
-        lane_change_anchors(build_scenes(recording, every=spec.anchor_spacing, future=0), READINGS[mode]),
+        lane_change_anchors(build_neighbour_scenes_at(recording, anchors), READINGS[mode]),
         spec=replace(SPECS[mode], n_trees=spec.trees),
         seed=spec.seed,
         progress=lambda done, total: tell(f"{mode} mode: lane-change forests", done, total),
     )
+
+
+def fit_scenes(recording: Recording, *, spec: TrainingSpec, progress: Progress | None = None) -> SceneForecaster:
+    """Returns the scene forecaster, which belongs to corrected mode; see `fit_forecaster`."""
+    tell = progress or _silent
+    what = f"{Mode.CORRECTED} mode: scene forecaster"
+    tell(what, 0, 1)
+    scenes = build_scenes(recording, every=spec.scene_spacing)
+    assert scenes.around is not None
+    window = {name: number for number, name in enumerate(recording.names, start=1)}
+    names = zip(scenes.recording.tolist(), scenes.vehicle[:, CENTRAL].tolist(), strict=True)
+    fitted = fit_scene_forecaster(
+        scenes.around,
+        _displacement(scenes, CENTRAL),
+        _displacement(scenes, LEADER),
+        change_time=scenes.change_crossing,
+        seen_for=scenes.seen_for,
+        group=np.array([f"{window[name]}-{vehicle}" for name, vehicle in names]),
+        t0=scenes.t0,
+        seed=spec.seed,
+        spec=spec.scene,
+    )
+    tell(what, 1, 1)
+    return as_plain(fitted)
+
+
+def _displacement(scenes: Scenes, slot: int) -> Float[np.ndarray, "scene future"]:
+    """Returns where the vehicle in a slot was, from the central vehicle's place at t = 0 [m]; NaN where not seen."""
+    x = scenes.future[:, slot, :, X] - scenes.past[:, CENTRAL, -1, X, None]
+    return np.where(scenes.future_valid[:, slot], x, np.nan)
 
 
 def assemble(
@@ -241,6 +253,7 @@ def assemble(
     ramp: NeighbourLstm,
     target: NeighbourLstm,
     forests: LaneChangeForests,
+    scene: SceneForecaster | None,
 ) -> Forecaster:
     """Returns the forecaster made of parts that were fitted to that recording."""
     return Forecaster(
@@ -249,6 +262,7 @@ def assemble(
         ramp=ramp,
         target=target,
         forests=forests,
+        scene=scene,
         training=spec,
         trained_on=tuple(recording.names),
         data_hash=recording_hash(recording),

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from rampcast.forecast.neighbours import NeighbourForecast, continue_at_constant_speed
 from rampcast.forecast.roll_out import roll_out
+from rampcast.forecast.scene_forecaster import SceneForecast
 from rampcast.models.calibration import Calibration, calibrate
 from rampcast.physics.laws import LAWS, Law
 from rampcast.physics.leader import Vehicle, actual_leader, gap_to
@@ -28,12 +29,14 @@ class Inputs:
         mode: which reading of the paper.
         predicted: the neighbours as the neighbour models see them, from t = 0 on.
         calibrations: the drivers fitted to the history, by name of the car-following law.
+        scene: the forecast of the scene forecaster; None where no model asks for it.
     """
 
     scenes: Scenes
     mode: Mode
     predicted: NeighbourForecast
     calibrations: Mapping[str, Calibration]
+    scene: SceneForecast | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +47,13 @@ class LongitudinalModel:
         label: its name in tables and figures.
         predict: gives x [m] of the central vehicle at each step after t = 0.
         shift_invariant: the modes in which moving all positions, the site's too, moves the forecast by as much.
+        modes: the readings of the paper that it belongs to.
     """
 
     label: str
     predict: Callable[[Inputs], Float[np.ndarray, "scene future"]]
     shift_invariant: frozenset[Mode]
+    modes: frozenset[Mode] = frozenset(Mode)
 
 
 def calibrate_scenes(law: Law, scenes: Scenes, mode: Mode) -> Calibration:
@@ -73,6 +78,13 @@ def calibrate_scenes(law: Law, scenes: Scenes, mode: Mode) -> Calibration:
         valid=np.asarray(leader.present),
         mode=mode,
     )
+
+
+def median_of_samples(inputs: Inputs) -> Float[np.ndarray, "scene future"]:
+    """Returns the median of the scene forecaster's samples: all vehicles around driven into the future together."""
+    assert inputs.scene is not None
+    steps = inputs.predicted.x.shape[2] - 1
+    return inputs.scenes.past[:, CENTRAL, -1, X, None] + inputs.scene.median[:, :steps]
 
 
 def constant_velocity(inputs: Inputs) -> Float[np.ndarray, "scene future"]:
@@ -100,6 +112,7 @@ def car_following(inputs: Inputs, *, law: str) -> Float[np.ndarray, "scene futur
 BOTH = frozenset(Mode)
 ONLY_CORRECTED = frozenset({Mode.CORRECTED})  # the paper's LSTM and virtual vehicles know absolute positions
 MODELS: dict[str, LongitudinalModel] = {
+    "rampcast": LongitudinalModel("rampcast", median_of_samples, ONLY_CORRECTED, modes=ONLY_CORRECTED),
     "constant_velocity": LongitudinalModel("Constant velocity", constant_velocity, BOTH),
     "constant_speed_leader": LongitudinalModel(
         "IDM, neighbours at constant speed", constant_speed_leader, ONLY_CORRECTED
@@ -110,6 +123,11 @@ MODELS: dict[str, LongitudinalModel] = {
         for name, law in LAWS.items()
     },
 }
+
+
+def models_of(mode: Mode) -> tuple[str, ...]:
+    """Returns the keys of the models that belong to a reading of the paper."""
+    return tuple(name for name, model in MODELS.items() if mode in model.modes)
 
 
 def _drive(law: str, inputs: Inputs, neighbours: NeighbourForecast) -> Float[np.ndarray, "scene future"]:

@@ -10,13 +10,11 @@ from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec
 from rampcast.models.drivers import posteriors
 from rampcast.models.folds import time_folds
 from rampcast.models.platoon_features import features, regimes
-from rampcast.models.pooled_driver import fit_pooled_driver, roll_chain
+from rampcast.models.pooled_driver import roll_chain
 from rampcast.recording.smoothing import STEP
 from rampcast.scenes.platoons import HISTORY, PLACES, Platoons, known_lengths
 from rampcast.scenes.scenes import FUTURE
 
-CHAINS = (1, 2, PLACES - 1)  # leaders in the simple roll-outs that the correction sees
-DRIVERS_SEEN = 2  # vehicles whose mean posterior driver it sees
 SPREAD = (0.1, 0.9)  # quantiles of the samples whose distance is their spread
 CHUNK = 512  # platoons at a time: a few arrays of 100 samples of them are 100 MB
 CORRECTION = CorrectionSpec()
@@ -75,14 +73,12 @@ class PlatoonForecaster:
     Attributes:
         spec: what was chosen.
         roll_out: drivers, disturbances and heads.
-        follower: the pooled driver behind a leader at constant speed.
         correction: of the roll-outs; None without.
         seed: of the samples.
     """
 
     spec: PlatoonForecasterSpec
     roll_out: RollOut
-    follower: Float[np.ndarray, "param"]
     correction: Correction | None
     seed: int
 
@@ -106,10 +102,10 @@ class PlatoonForecaster:
         if self.correction is None:
             quantiles = np.moveaxis(np.quantile(samples.x, LEVELS, axis=1), 0, -1)
             return PlatoonForecast(samples.x, samples.leader_x, samples.x.mean(axis=1), quantiles)
-        rolled = _rolled(self, platoons, weights, samples)
+        rolled = _rolled(self, platoons, samples)
         quantiles = over_time(self.correction.quantiles(rolled), np.median(samples.x, axis=1))
         limit = np.maximum(self.roll_out.limit, np.where(platoons.valid[:, 0], platoons.v[:, 0], 0.0).max(axis=1))
-        x = _mapped(samples.x, quantiles, limit)
+        x = mapped(samples.x, quantiles, limit)
         room = np.where(platoons.present[:, 1], known_lengths(platoons)[:, 1], 0.0)[:, None, None]
         now = np.where(platoons.present[:, 1], platoons.x[:, 1, -1] - platoons.x[:, 0, -1], np.inf)[:, None, None]
         leader_x = np.maximum(samples.leader_x, x + np.minimum(room, np.maximum(now, 0.0)))
@@ -138,16 +134,15 @@ def fit_platoon_forecaster(
         spec: what may be chosen.
     """
     roll_out = fit_roll_out(platoons, truth, leader_truth)
-    follower = fit_pooled_driver(platoons, truth)
-    plain = PlatoonForecaster(spec, roll_out, follower, None, seed)
+    plain = PlatoonForecaster(spec, roll_out, None, seed)
     if spec.correction is None:
         return plain
     weights = posteriors(roll_out.prior, platoons)
-    rolled = _rolled(plain, platoons, weights, _sampled(plain, platoons, weights))
+    rolled = _rolled(plain, platoons, _sampled(plain, platoons, weights))
     begin, end = t0 - (HISTORY - 1) * STEP, t0 + FUTURE * STEP
     folds = time_folds(group, begin, end, count=min(spec.folds, len(set(group.tolist()))))
     correction = fit_correction(rolled, truth[:, KNOTS], group=group, folds=folds, seed=seed, spec=spec.correction)
-    return PlatoonForecaster(spec, roll_out, follower, correction, seed)
+    return PlatoonForecaster(spec, roll_out, correction, seed)
 
 
 def _sampled(
@@ -156,29 +151,20 @@ def _sampled(
     return sample_platoons(model.roll_out, platoons, samples=model.spec.samples, seed=model.seed, weights=weights)
 
 
-def _rolled(
-    model: PlatoonForecaster,
-    platoons: Platoons,
-    weights: Float[np.ndarray, "platoon follower driver"],
-    samples: Samples,
-) -> Rolled:
+def _rolled(model: PlatoonForecaster, platoons: Platoons, samples: Samples) -> Rolled:
     at_knots = samples.x[:, :, KNOTS]
     low, high = np.quantile(at_knots, SPREAD, axis=1)
-    driver = model.roll_out.prior.centre
-    chains = [roll_chain(model.follower, platoons, leaders=leaders) for leaders in (1, PLACES - 1)]
-    chains += [roll_chain(driver, platoons, leaders=leaders) for leaders in CHAINS]
-    who = weights[:, :DRIVERS_SEEN] @ model.roll_out.prior.drivers[:, :-1]  # the exponent is the same for all
-    who = np.where(platoons.present[:, 1 : DRIVERS_SEEN + 1, None], who, np.nan).reshape(len(platoons), -1)
+    chain = roll_chain(model.roll_out.prior.centre, platoons, leaders=PLACES - 1)
     return Rolled(
-        features=np.column_stack([features(platoons), who]),
-        chains=np.stack(chains, axis=-1)[:, KNOTS],
+        features=features(platoons),
+        chains=chain[:, KNOTS, None],
         median=np.median(at_knots, axis=1).astype(float),
         spread=(high - low).astype(float),
         regime=regimes(platoons),
     )
 
 
-def _mapped(
+def mapped(
     samples: Float[np.ndarray, "platoon sample step"],
     quantiles: Float[np.ndarray, "platoon step level"],
     limit: Float[np.ndarray, "platoon"],

@@ -108,13 +108,13 @@ def sample_platoons(
         if len(rows):
             numbers = jnp.asarray(noise[: high + 1].swapaxes(0, 1), jnp.float32)
             states = _states(model, platoons.select(rows), weights[rows, :high], order[:high])
-            program = partial(_sampled, numbers, jnp.asarray(model.prior.drivers, jnp.float32), _numbers(model))
+            program = partial(_sampled, numbers, jnp.asarray(model.prior.drivers, jnp.float32), numbers_of(model))
             for all_rows, values in zip(found, over_blocks(program, states, sizes=BLOCKS), strict=True):
                 all_rows[rows] = values
     return found
 
 
-def _numbers(model: RollOut) -> Float[Array, "number"]:
+def numbers_of(model: RollOut) -> Float[Array, "number"]:
     """Returns what the program needs to know of disturbance and head, in the order in which it takes them."""
     persistence, size = model.disturbance.persistence, model.disturbance.size
     kick = size * np.sqrt(1.0 - persistence**2)
@@ -140,10 +140,10 @@ def _states(
     target = mean_speed(platoons)
     limit = np.maximum(model.limit, v.max(axis=1))
     numbers = [values.astype(np.float32) for values in (x, v, length, start, target, limit)]
-    return (*numbers, present, _drawn(weights, order))
+    return (*numbers, present, drawn_drivers(weights, order))
 
 
-def _drawn(
+def drawn_drivers(
     weights: Float[np.ndarray, "platoon follower driver"], order: Int[np.ndarray, "follower sample"]
 ) -> Int[np.ndarray, "platoon follower sample"]:
     """Returns drivers in proportion to their weights (systematic resampling), in each place in an order of its own."""

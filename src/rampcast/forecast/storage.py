@@ -16,21 +16,26 @@ import numpy as np
 
 from rampcast import __version__
 from rampcast.errors import ModelError, SiteError
-from rampcast.forecast.forecaster import LANES, Forecaster, TrainingSpec
+from rampcast.forecast.forecaster import LANES, Forecaster
+from rampcast.forecast.records import Record, from_record, to_record
+from rampcast.forecast.scene_forecaster import SceneForecaster
 from rampcast.models.forests import LaneChangeForests
 from rampcast.models.lstm import LstmSpec, NeighbourLstm, Network
 from rampcast.physics.mode import Mode
 from rampcast.recording.files import write_whole, write_whole_folder
 from rampcast.recording.sites import site_from_dict, site_to_dict
 
-FOLDER_VERSION = 1
+FOLDER_VERSION = 2
 LIBRARIES = ("jax", "equinox", "scikit-learn", "numpy", "polars")
-DESCRIPTION, FORESTS, NETWORK = "model.json", "forests.npz", "network.eqx"
+DESCRIPTION, FORESTS, NETWORK, SCENE = "model.json", "forests.npz", "network.eqx", "scene.npz"
+VALUES = "values"  # array of a scene forecaster's file that holds its numbers, as json
 LSTM_ARRAYS = ("lowest", "highest", "losses")
 
 
 def save(forecaster: Forecaster, folder: Path) -> None:
     """Writes a model folder, whole or not at all: model.json, forests.npz, and a folder for each neighbour model.
+
+    In corrected mode scene.npz holds the scene forecaster.
 
     Raises:
         ModelError: something else than a model is there.
@@ -38,7 +43,7 @@ def save(forecaster: Forecaster, folder: Path) -> None:
     description = {
         "versions": versions(),
         "site": site_to_dict(forecaster.site),
-        "training": asdict(forecaster.training),
+        "training": to_record(forecaster.training).values,
         "trained_on": forecaster.trained_on,
         "data_hash": forecaster.data_hash,
         "window_hashes": forecaster.window_hashes,
@@ -49,6 +54,8 @@ def save(forecaster: Forecaster, folder: Path) -> None:
         for lane in LANES:
             save_lstm(getattr(forecaster, lane), partial / lane)
         save_forests(forecaster.forests, partial / FORESTS)
+        if forecaster.scene is not None:
+            save_scene(forecaster.scene, partial / SCENE)
 
 
 def load(folder: Path) -> Forecaster:
@@ -60,14 +67,15 @@ def load(folder: Path) -> Forecaster:
     folder = Path(folder)
     values = _description(folder)
     with _damage_told(folder):
-        training = dict(values["training"])
+        mode = Mode(values["mode"])
         return Forecaster(
-            mode=Mode(values["mode"]),
+            mode=mode,
             site=site_from_dict(values["site"]),
             ramp=load_lstm(folder / "ramp"),
             target=load_lstm(folder / "target"),
             forests=load_forests(folder / FORESTS),
-            training=TrainingSpec(lstm=LstmSpec(**training.pop("lstm")), **training),
+            scene=load_scene(folder / SCENE) if mode is Mode.CORRECTED else None,
+            training=from_record(Record(values["training"], {})),
             trained_on=tuple(values["trained_on"]),
             data_hash=str(values["data_hash"]),
             window_hashes=tuple(values["window_hashes"]),
@@ -122,6 +130,23 @@ def load_forests(path: Path) -> LaneChangeForests:
         return LaneChangeForests.from_arrays(dict(arrays))
 
 
+def save_scene(scene: SceneForecaster, path: Path) -> None:
+    """Writes a scene forecaster as arrays (npz), whole or not at all."""
+    record = to_record(scene)
+    with write_whole(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{VALUES: np.array(json.dumps(record.values))}, **record.arrays)
+
+
+def load_scene(path: Path) -> SceneForecaster:
+    """Returns the scene forecaster that `save_scene` wrote.
+
+    Raises:
+        ModelError: the file is missing or damaged.
+    """
+    with _damage_told(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        return from_record(Record(json.loads(str(arrays[VALUES])), dict(arrays)))
+
+
 def versions() -> dict[str, str]:
     """Returns the versions of Python and of the libraries that a result depends on."""
     return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
@@ -141,7 +166,12 @@ def _description(folder: Path) -> dict[str, Any]:
         )
     with _damage_told(folder):
         values = dict(json.loads(path.read_text(encoding="utf-8")))
-    if values.get("rampcast") != __version__ or values.get("folder_version") != FOLDER_VERSION:
+    form = values.get("folder_version")
+    if values.get("rampcast") == __version__ and form != FOLDER_VERSION:
+        raise ModelError(
+            f"{folder}: a model folder of form {form}, this rampcast reads form {FOLDER_VERSION}; train the model again"
+        )
+    if values.get("rampcast") != __version__:
         other = values.get("rampcast", "an unknown version")
         raise ModelError(
             f"{folder}: made by rampcast {other}, this is rampcast {__version__}; train the model again, or install "

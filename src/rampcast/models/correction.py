@@ -1,25 +1,30 @@
 """What roll-outs get wrong, learned: a corrected median, and a quantile function that holds what it promises.
 
-At a few horizons boosted trees learn how far vehicles went beyond the median of their roll-outs, and other trees how
-large the rest is. Each is taken as far as it helped on vehicles, and in minutes, that it was not trained on. The
-quantiles of what is left there, over its expected size, make the bands: split conformal prediction with normalised
-residuals, by traffic regime where that has enough vehicles.
+At a few horizons boosted trees and a linear model learn how far vehicles went beyond the median of their roll-outs, and
+other trees how large the rest is. Trees find what depends on what, but of few minutes they learn the minutes; a line is
+poorer and steadier, and their mean is better than either. Each is taken as far as it helped on vehicles, and in
+minutes, that it was not trained on. The quantiles of what is left there, over its expected size, make the bands: split
+conformal prediction with normalised residuals, by traffic regime where that has enough vehicles.
 
 Source: Papadopoulos, Gammerman and Vovk 2008 for normalised residuals; Vovk 2012 for cross-conformal prediction.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy.stats import norm
+from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from rampcast.models.folds import Fold
 from rampcast.models.platoon_features import Regime
+from rampcast.models.ranked_line import fit_ranked_line
+
+Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Any]  # of a model that can predict
 
 KNOTS = np.array([4, 9, 14, 24, 39, 49, 59, 74])  # steps of 0.2 s: 1, 2, 3, 5, 8, 10, 12, 15 s
 LEVELS = np.linspace(0.01, 0.99, 99)
@@ -37,7 +42,6 @@ class CorrectionSpec:
     Attributes:
         trees: of each model of the median; a model of the size takes half as many.
         learning_rate, leaves, least_in_leaf: of the trees.
-        seeds: models of the median whose mean counts.
         strengths: parts of the correction that are tried on vehicles not trained on.
         least_cases: with fewer, nothing is corrected.
         least_groups: vehicles that a regime needs to have quantiles of its own.
@@ -45,9 +49,8 @@ class CorrectionSpec:
 
     trees: int = 120
     learning_rate: float = 0.06
-    leaves: int = 12
+    leaves: int = 5
     least_in_leaf: int = 30
-    seeds: int = 2
     strengths: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
     least_cases: int = 100
     least_groups: int = 20
@@ -71,20 +74,21 @@ class Rolled:
     regime: Int[np.ndarray, "row"]
 
     def table(self, knot: int) -> Float[np.ndarray, "row column"]:
-        """Returns the columns for the trees of a knot."""
+        """Returns the columns for the models of a knot."""
         own = (self.chains[:, knot] - self.median[:, knot, None], self.median[:, [knot]], self.spread[:, [knot]])
         return np.column_stack([self.features, *own])
 
 
 @dataclass(frozen=True)
 class _Knot:
-    """The correction at one knot; without trees the roll-outs stay as they are.
+    """The correction at one knot; without models the roll-outs stay as they are.
 
     Attributes:
         kept: columns that were known in training.
-        medians, sizes: trees.
-        strength: part of the trees' median that counts.
-        sized: whether the trees' size counts, else the roll-outs' spread.
+        medians: whose mean is what roll-outs miss.
+        sizes: of the rest, over the roll-outs' spread.
+        strength: part of the models' median that counts.
+        sized: whether the models' size counts, else the roll-outs' spread.
         scores: quantiles of residual over size for each regime, and for all together in the last row.
     """
 
@@ -170,16 +174,17 @@ def _fit_knot(
     beyond = truth - rolled.median[:, knot]
     if seen.sum() < spec.least_cases:
         return _Knot(kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec))
-    unseen = _out_of_fold(table, beyond, seen, folds, _median_trees(seed, spec))
+    of_median, of_size = (_trees(seed, spec, spec.trees), fit_ranked_line), _trees(seed, spec, spec.trees // 2)
+    unseen = np.mean([_out_of_fold(table, beyond, seen, folds, fit, spec) for fit in of_median], axis=0)
     strength = _strength(beyond[seen], unseen[seen], spec.strengths)
     left = beyond - strength * unseen
-    size = _out_of_fold(table, np.abs(left) / spread, seen, folds, _size_trees(seed, spec))
+    size = _out_of_fold(table, np.abs(left) / spread, seen, folds, of_size, spec)
     size = spread * np.maximum(size, LEAST_SIZE)
     sized = _unlikelihood(left, size, seen) < _unlikelihood(left, spread, seen)
-    medians = tuple(_median_trees(seed + n, spec).fit(table[seen], beyond[seen]) for n in range(spec.seeds))
-    sizes = (_size_trees(seed, spec).fit(table[seen], (np.abs(left) / spread)[seen]),) if sized else ()
+    medians = tuple(fit(table[seen], beyond[seen]) for fit in of_median) if strength else ()
+    sizes = (of_size(table[seen], (np.abs(left) / spread)[seen]),) if sized else ()
     scores = _scores(left / (size if sized else spread), seen, rolled.regime, group, spec)
-    return _Knot(kept, medians if strength else (), sizes, strength, bool(sized), scores)
+    return _Knot(kept, medians, sizes, strength, bool(sized), scores)
 
 
 def _strength(beyond: Float[np.ndarray, "row"], unseen: Float[np.ndarray, "row"], strengths: Sequence[float]) -> float:
@@ -192,17 +197,9 @@ def _strength(beyond: Float[np.ndarray, "row"], unseen: Float[np.ndarray, "row"]
     return max(part for part, error in zip(strengths, errors, strict=True) if error <= NEARLY * min(errors))
 
 
-def _median_trees(seed: int, spec: CorrectionSpec) -> Any:
-    return _trees(seed, spec, spec.trees)
-
-
-def _size_trees(seed: int, spec: CorrectionSpec) -> Any:
-    return _trees(seed, spec, spec.trees // 2)
-
-
-def _trees(seed: int, spec: CorrectionSpec, count: int) -> Any:
-    """Returns trees to be fitted; each split may look at 40 % of the columns, which are much alike."""
-    return HistGradientBoostingRegressor(
+def _trees(seed: int, spec: CorrectionSpec, count: int) -> Fit:
+    """Returns the fit of trees; each split may look at 40 % of the columns, which are much alike."""
+    trees = HistGradientBoostingRegressor(
         loss="absolute_error",
         max_iter=count,
         learning_rate=spec.learning_rate,
@@ -213,6 +210,7 @@ def _trees(seed: int, spec: CorrectionSpec, count: int) -> Any:
         early_stopping=False,
         random_state=seed,
     )
+    return lambda table, wanted: clone(trees).fit(table, wanted)
 
 
 def _out_of_fold(
@@ -220,15 +218,16 @@ def _out_of_fold(
     wanted: Float[np.ndarray, "row"],
     seen: Bool[np.ndarray, "row"],
     folds: Sequence[Fold],
-    trees: Any,
+    fit: Fit,
+    spec: CorrectionSpec,
 ) -> Float[np.ndarray, "row"]:
-    """Returns what trees that were not trained on a row give for it; 0 where too few are left to train on."""
+    """Returns what a model that was not trained on a row gives for it; 0 where too few are left to train on."""
     found = np.zeros(len(table))
     for train, test in folds:
         rows = train[seen[train]]
         some = np.isfinite(table[rows]).any(axis=0)
-        if len(rows) >= 2 * trees.min_samples_leaf and len(test):
-            found[test] = trees.fit(table[rows][:, some], wanted[rows]).predict(table[test][:, some])
+        if len(rows) >= 2 * spec.least_in_leaf and len(test):
+            found[test] = fit(table[rows][:, some], wanted[rows]).predict(table[test][:, some])
     return found
 
 
@@ -274,7 +273,7 @@ def _quantiles(knot: _Knot, rolled: Rolled, number: int) -> Float[np.ndarray, "r
     table = rolled.table(number)[:, knot.kept]
     median, size = rolled.median[:, number], _floored(rolled.spread[:, number])
     if knot.medians:
-        median = median + knot.strength * np.mean([trees.predict(table) for trees in knot.medians], axis=0)
-    for trees in knot.sizes:
-        size = size * np.maximum(trees.predict(table), LEAST_SIZE)
+        median = median + knot.strength * np.mean([model.predict(table) for model in knot.medians], axis=0)
+    for model in knot.sizes:
+        size = size * np.maximum(model.predict(table), LEAST_SIZE)
     return median[:, None] + size[:, None] * knot.scores[rolled.regime]

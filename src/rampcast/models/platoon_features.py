@@ -21,10 +21,11 @@ class Regime(IntEnum):
 
 
 def features(platoons: Platoons) -> Float[np.ndarray, "platoon feature"]:
-    """Returns speeds, accelerations, distances and gaps at t = 0, and what the platoon tells of a wave in it.
+    """Returns speeds, accelerations, distances and gaps at t = 0, what tells of a wave, and the traffic around.
 
     Of a wave: the slowest speed, how many vehicles and how far ahead it is, vehicles per metre, the range of speeds
-    over the history, and the speed's change from vehicle to vehicle.
+    over the history, and the speed's change from vehicle to vehicle. Of the traffic: how much faster it is than the
+    vehicle, in any lane, behind and up to 400 m ahead, now and 3 s before.
     """
     v, a = (np.where(platoons.present, values[..., -1], np.nan) for values in (platoons.v, platoons.a))
     now = np.where(platoons.present, platoons.x[..., -1], np.nan)
@@ -44,7 +45,8 @@ def features(platoons: Platoons) -> Float[np.ndarray, "platoon feature"]:
         history - v[row, slowest],
         (v[row, head] - v[:, 0]) / head,
     ]
-    return np.stack(columns, axis=1)
+    traffic = platoons.traffic - v[:, :1, None]
+    return np.column_stack([*columns, traffic.reshape(len(v), -1)])
 
 
 def regimes(platoons: Platoons) -> Int[np.ndarray, "platoon"]:

@@ -101,7 +101,8 @@ def _classified(kind: str) -> Callable[[Tables], pl.DataFrame]:
         table = tables.get("lane_change")
         if table is None:
             return pl.DataFrame(schema=dict.fromkeys(("t", "accuracy", "tnr", "ppv"), pl.Float64))
-        found = table.filter((pl.col("kind") == kind) & (pl.col("sampling") == "balanced"))
+        of_forests = pl.col("model") == "forests"
+        found = table.filter(of_forests & (pl.col("kind") == kind) & (pl.col("sampling") == "balanced"))
         reading = main_reading(found)
         return found.filter(pl.col("reading") == reading).with_columns(pl.col("accuracy", "tnr", "ppv").fill_nan(None))
 

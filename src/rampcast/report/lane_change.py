@@ -1,7 +1,7 @@
 """Panels on lane-change classification: quality over time, base rate, and what the forests look at.
 
-They draw from the tidy tables `lane_change` (mode, reading, sampling, kind, t [s], n, positives, accuracy, tpr, tnr,
-ppv, npv) and `importance` (mode, kind, t [s], grouping, group, importance), filtered to what one panel shows.
+They draw from the tidy tables `lane_change` (mode, model, reading, sampling, kind, t [s], n, positives, accuracy, tpr,
+tnr, ppv, npv) and `importance` (mode, kind, t [s], grouping, group, importance), filtered to what one panel shows.
 """
 
 import numpy as np
@@ -43,10 +43,10 @@ def lane_change_metrics(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     """Draws accuracy, TPR, TNR, PPV and NPV over t (Figures 10a and 10b) and returns the axes.
 
     Args:
-        table: the tidy table `lane_change`, filtered to one mode, reading, sampling and kind.
+        table: the tidy table `lane_change`, filtered to one mode, model, reading, sampling and kind.
         ax: where to draw; a figure of its own if not given.
     """
-    ax = _start(table, ["mode", "reading", "sampling", "kind"], ["t"], ax, name="lane_change")
+    ax = _start(table, ["mode", "model", "reading", "sampling", "kind"], ["t"], ax, name="lane_change")
     for column, (text, look) in METRICS.items():
         if column in table.columns:
             _line(ax, table, column, look, text)
@@ -63,10 +63,12 @@ def base_rate(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     """Draws the share of samples that are lane changes, per sampling and kind, over t and returns the axes.
 
     Args:
-        table: the tidy table `lane_change`, filtered to one mode and reading.
+        table: the tidy table `lane_change`, filtered to one mode, model and reading.
         ax: where to draw; a figure of its own if not given.
     """
-    ax = _start(table, ["mode", "reading"], ["t", "n", "positives", "sampling", "kind"], ax, name="lane_change")
+    ax = _start(
+        table, ["mode", "model", "reading"], ["t", "n", "positives", "sampling", "kind"], ax, name="lane_change"
+    )
     rates = table.with_columns(rate=pl.when(pl.col("n") > 0).then(pl.col("positives") / pl.col("n")))
     shown = (
         ("natural", "within", Look(style.VERMILLION, "o", "-")),

@@ -25,6 +25,7 @@ BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#767676"
+INDIGO = "#4B2E83"  # darker than all of the palette: told from it by lightness too
 
 PANEL_WIDTH = 4.8  # [inch] two fit side by side on a page of 1,000 px, one fills a phone
 PANEL_HEIGHT = 2.75  # [inch] of the axes with their labels; title and legend come on top
@@ -74,6 +75,7 @@ class Look:
 
 
 LOOKS = {
+    "rampcast": Look(INDIGO, "h", "-"),
     "ghr": Look(VERMILLION, "o", "-"),
     "gipps_paper": Look(GREEN, "s", "--"),
     "idm": Look(BLUE, "^", "-."),
@@ -84,6 +86,7 @@ LOOKS = {
     "constant_speed_leader": Look(SKY, "P", (0, (6, 2))),
 }
 LABELS = {
+    "rampcast": "rampcast",
     "ghr": "GHR",
     "gipps_paper": "Gipps (paper)",
     "idm": "IDM",

@@ -66,7 +66,7 @@ def plot_forecast(
 
     Args:
         example: as in `scene_tracks`.
-        lane_change: columns t [s], p_within and/or p_at of this one scene; no lower panel if not given.
+        lane_change: columns t [s], p_within and/or p_at, and model, of this one scene; no lower panel if not given.
         ramp_end: position where the ramp ends [m], drawn as a line.
         title: a line above the picture; the table's own title if it has one and none is given.
     """
@@ -175,8 +175,9 @@ def _draw_central(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
         t, x = _broken(seen)
         ax.plot(t, x, color=style.BLACK, linewidth=2.4, zorder=4)
         yield Line2D([], [], color=style.BLACK, linewidth=2.4, label="central, observed")
+    yield from _draw_band(ax, central.filter(pl.col("kind") == "band"))
     others = iter(itertools.cycle(OTHER_LOOKS))
-    for series in central.filter(pl.col("kind") != "observed")["series"].unique(maintain_order=True):
+    for series in central.filter(pl.col("kind") == "forecast")["series"].unique(maintain_order=True):
         text = series.partition("(")[2].removesuffix(")") or series
         name = next((name for name, known in LABELS.items() if text in (known, name)), "")
         look = LOOKS[name] if name in LOOKS else next(others)
@@ -184,6 +185,16 @@ def _draw_central(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
         shape: dict[str, Any] = {"color": look.color, "marker": look.marker, "linestyle": look.dash}
         ax.plot(t, x, **shape, markevery=10, zorder=5)
         yield Line2D([], [], **shape, label=f"central, {LABELS.get(name, text)}")
+
+
+def _draw_band(ax: Axes, rows: pl.DataFrame) -> Iterator[Line2D]:
+    """Shades what lies between the lowest and the highest quantile of a forecast."""
+    if rows.height:
+        between = rows.group_by("t").agg(low=pl.col("x").min(), high=pl.col("x").max()).sort("t")
+        shade: dict[str, Any] = {"color": style.INDIGO, "alpha": 0.18}
+        t, low, high = (between[name].to_numpy() for name in ("t", "low", "high"))
+        ax.fill_between(t, low, high, linewidth=0.0, **shade)
+        yield Line2D([], [], linewidth=7.0, **shade, label="rampcast, 90 % band")
 
 
 def _broken(rows: pl.DataFrame) -> tuple[Float[np.ndarray, "sample"], Float[np.ndarray, "sample"]]:
@@ -213,17 +224,25 @@ def _frame(ax: Axes, example: pl.DataFrame, ramp_end: float | None) -> None:
 
 def _draw_probability(ax: Axes, table: pl.DataFrame) -> None:
     style.require(table, ["t"], name="lane_change")
-    entries = (("p_within", "within t", Look(style.BLUE, "o", "-")), ("p_at", "at t", Look(style.VERMILLION, "s", ":")))
-    for column, text, look in entries:
-        if column in table.columns:
-            rows = table.sort("t").select(pl.col("t", column).cast(pl.Float64).fill_null(float("nan")))
+    entries = (
+        ("p_within", "within t", Look(style.INDIGO, "h", "-"), "rampcast"),
+        ("p_within", "within t", Look(style.BLUE, "o", "-"), "forests"),
+        ("p_at", "at t", Look(style.VERMILLION, "s", ":"), "forests"),
+    )
+    of_several = "model" in table.columns and table["model"].n_unique() > 1
+    if "model" not in table.columns:
+        table = table.with_columns(model=pl.lit("forests"))
+    for column, text, look, model in entries:
+        rows = table.filter(pl.col("model") == model)
+        if column in table.columns and rows.height:
+            rows = rows.sort("t").select(pl.col("t", column).cast(pl.Float64).fill_null(float("nan")))
             ax.plot(
                 rows["t"].to_numpy(),
                 100.0 * rows[column].to_numpy(),
                 color=look.color,
                 marker=look.marker,
                 linestyle=look.dash,
-                label=f"changes lane {text}",
+                label=f"changes lane {text}{f', {model}' if of_several else ''}",
             )
     ax.set_xlabel("time from now (t = 0) [s]")
     ax.set_ylabel("probability [%]")

@@ -1,6 +1,12 @@
 """Scenes: an on-ramp vehicle, its neighbours, their past and future, as dense arrays with masks."""
 
-from rampcast.scenes.build import build_scenes, build_scenes_at, find_anchors, need_ramp
+from rampcast.scenes.build import (
+    build_neighbour_scenes_at,
+    build_scenes,
+    build_scenes_at,
+    find_anchors,
+    need_ramp,
+)
 from rampcast.scenes.neighbours import find_neighbours, on_ramp_vehicles
 from rampcast.scenes.scenes import FEATURES, FUTURE, PAST, SLOTS, STEP, Scenes
 from rampcast.scenes.windows import training_windows
@@ -12,6 +18,7 @@ __all__ = [
     "SLOTS",
     "STEP",
     "Scenes",
+    "build_neighbour_scenes_at",
     "build_scenes",
     "build_scenes_at",
     "find_anchors",

@@ -1,6 +1,6 @@
 """Builds scenes from a smoothed recording: anchors, neighbours, past, future, lane-change times."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from rampcast.errors import RecordingError
 from rampcast.recording import Recording, Site
 from rampcast.recording import columns as c
+from rampcast.scenes.merge_scenes import build_merge_scenes
 from rampcast.scenes.neighbours import NONE, find_neighbours, on_ramp_vehicles
 from rampcast.scenes.scenes import FEATURES, FUTURE, PAST, STEP, Scenes, X, Y
 from rampcast.scenes.stand_ins import fill_past, fill_role_past, stand_ins
@@ -76,7 +77,16 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
 
 def build_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"], *, future: int = FUTURE) -> Scenes:
     """Returns the scenes at those rows of the recording, which `find_anchors` gave."""
-    return _assemble(recording, _table(recording), _ramp_rows(recording), anchors, future)
+    scenes = _assemble(recording, _table(recording), _ramp_rows(recording), anchors, future)
+    return replace(scenes, around=build_merge_scenes(recording, anchors))
+
+
+def build_neighbour_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"]) -> Scenes:
+    """Returns the scenes at those rows with the six neighbours alone: no traffic around them, and no future.
+
+    Lane-change forests need no more, and are trained on very many scenes.
+    """
+    return _assemble(recording, _table(recording), _ramp_rows(recording), anchors, 0)
 
 
 def _assemble(

@@ -3,7 +3,7 @@
 Place 0 is the central vehicle, place 1 its leader, place 2 the leader's leader, and so on.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import polars as pl
@@ -19,6 +19,9 @@ HISTORY = 21  # steps of 0.2 s: t = -4.0 to 0.0 s; the paper's history, with its
 LONGEST_FILLED_HOLE = HALF_WINDOW  # [s]; the filter bridges as much with what lies on either side of it
 CAR = c.KINDS.index("car")
 TYPICAL_LENGTH = 4.5  # [m] of a car; for vehicles whose length is not known
+BANDS = (-100.0, 0.0, 40.0, 80.0, 120.0, 180.0, 260.0, 400.0)  # [m] ahead: edges of the stretches of `Platoons.traffic`
+MOMENTS = (0.0, 3.0)  # [s] before t = 0 of its speeds, each the mean of a second: nothing is older than the history
+UNKNOWN_ROAD = -1
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Platoons:
         valid: whether the vehicle in that place at t = 0 was seen then.
         length: [m]; NaN where there is no vehicle, or its length is not known.
         kind: index into `columns.KINDS`; car where not known.
+        traffic: mean speed of all that was seen in each of `BANDS` about the central vehicle, in any lane, in the
+            second before each of `MOMENTS` [m/s]; NaN where nobody was seen, or it is not known.
     """
 
     x: Float[np.ndarray, "platoon place past"]
@@ -40,6 +45,7 @@ class Platoons:
     valid: Bool[np.ndarray, "platoon place past"]
     length: Float[np.ndarray, "platoon place"]
     kind: Int[np.ndarray, "platoon place"]
+    traffic: Float[np.ndarray, "platoon moment band"]
 
     def __len__(self) -> int:
         return len(self.x)
@@ -71,6 +77,7 @@ class Tracks:
         kind: index into `columns.KINDS`.
         leader: row of the next vehicle ahead at the same frame; anything where not `led`.
         led: whether there is one.
+        road: number of the road and clock; vehicles of different ones never meet. `UNKNOWN_ROAD` where nothing is said.
         time_step: between two frames [s].
     """
 
@@ -81,6 +88,7 @@ class Tracks:
     kind: Int[np.ndarray, "row"]
     leader: Int[np.ndarray, "row"]
     led: Bool[np.ndarray, "row"]
+    road: Int[np.ndarray, "row"]
     time_step: float
 
     @property
@@ -114,17 +122,19 @@ def known_lengths(platoons: Platoons) -> Float[np.ndarray, "platoon place"]:
 def tracks_of_table(table: pl.DataFrame, *, time_step: float) -> Tracks:
     """Returns the tracks in a table with the columns vehicle, frame, x, and leader (an id; null for none).
 
-    A leader without a row at that frame counts as none. Optional columns: length [m] and kind (a name in `KINDS`).
+    A leader without a row at that frame counts as none. Optional columns: length [m], kind (a name in `KINDS`) and road
+    (a number; see `Tracks`).
 
     Args:
         table: one row per (vehicle, frame), in any order.
         time_step: between two frames [s].
     """
-    _check_time_step(time_step)
+    check_time_step(time_step)
     table = table.sort("vehicle", "frame")
     vehicle, frame = (table[name].cast(pl.Int64).to_numpy() for name in ("vehicle", "frame"))
     length = table["length"] if "length" in table.columns else pl.Series([None] * table.height, dtype=pl.Float64)
     kind = table["kind"] if "kind" in table.columns else pl.Series(["car"] * table.height)
+    road = table["road"] if "road" in table.columns else pl.Series([UNKNOWN_ROAD] * table.height, dtype=pl.Int64)
     tracks = Tracks(
         vehicle=vehicle,
         frame=frame,
@@ -133,6 +143,7 @@ def tracks_of_table(table: pl.DataFrame, *, time_step: float) -> Tracks:
         kind=_kind_numbers(kind),
         leader=np.arange(table.height),
         led=np.zeros(table.height, dtype=bool),
+        road=road.cast(pl.Int64).to_numpy(),
         time_step=time_step,
     )
     leader, there = tracks.find(table["leader"].cast(pl.Int64).fill_null(0).to_numpy(), frame)
@@ -141,7 +152,7 @@ def tracks_of_table(table: pl.DataFrame, *, time_step: float) -> Tracks:
 
 def tracks_of_recording(recording: Recording) -> Tracks:
     """Returns the tracks of a recording; a leader is the next vehicle ahead in the same lane at the same frame."""
-    _check_time_step(recording.time_step)
+    check_time_step(recording.time_step)
     numbered = recording.tracks.with_row_index("row").with_columns(
         unique=pl.struct(c.RECORDING, c.VEHICLE).rank("dense").cast(pl.Int64)
     )
@@ -158,6 +169,7 @@ def tracks_of_recording(recording: Recording) -> Tracks:
         kind=_kind_numbers(numbered[c.KIND]),
         leader=np.arange(numbered.height),
         led=np.zeros(numbered.height, dtype=bool),
+        road=numbered[c.RECORDING].rank("dense").cast(pl.Int64).to_numpy(),
         time_step=recording.time_step,
     )
     return _with_leaders(tracks, ahead.fill_null(0).cast(pl.Int64).to_numpy(), ahead.is_not_null().to_numpy())
@@ -174,7 +186,22 @@ def platoons_of_tracks(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Plat
         tracks: see `Tracks`.
         rows: the vehicle and the moment t = 0 of each platoon, as a row of the tracks.
     """
-    places, present = _chain(tracks, rows)
+    places, present = chain_ahead(tracks, rows)
+    states, valid = states_at_places(tracks, places, present)
+    own = with_states(tracks, places, states, valid, np.logical_and.accumulate(valid[:, :, -1], axis=1))
+    return replace(own, traffic=traffic_around(tracks, rows))
+
+
+States = list[Float[np.ndarray, "platoon place past"]]  # x, v, a
+
+
+def states_at_places(
+    tracks: Tracks, places: Int[np.ndarray, "platoon place"], present: Bool[np.ndarray, "platoon place"]
+) -> tuple[States, Bool[np.ndarray, "platoon place past"]]:
+    """Returns x [m], v [m/s] and a [m/s^2] of the vehicles in those rows over 4 s, and when they were seen.
+
+    See `platoons_of_tracks` for what is cut off, smoothed and filled.
+    """
     back = np.arange(-(HISTORY - 1) * tracks.every, 1)
     shape = (*places.shape, len(back))
     found, seen = tracks.find(
@@ -185,8 +212,22 @@ def platoons_of_tracks(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Plat
         np.where(seen, tracks.x[found], np.nan), seen, longest=round(LONGEST_FILLED_HOLE / tracks.time_step)
     )
     states, known = _states(raw, known, tracks.time_step)
-    sampled = [np.ascontiguousarray(values[..., :: tracks.every]) for values in states]
-    return _masked(tracks, places, sampled, known[..., :: tracks.every])
+    return [np.ascontiguousarray(values[..., :: tracks.every]) for values in states], known[..., :: tracks.every]
+
+
+def smoothed_states_at_places(
+    recording: Recording,
+    tracks: Tracks,
+    places: Int[np.ndarray, "platoon place"],
+    present: Bool[np.ndarray, "platoon place"],
+) -> tuple[States, Bool[np.ndarray, "platoon place past"]]:
+    """Returns the same as `states_at_places`, taken from the states of a smoothed recording."""
+    back = np.arange(1 - HISTORY, 1)
+    shape = (*places.shape, HISTORY)
+    found, seen = tracks.find(
+        np.broadcast_to(tracks.vehicle[places][..., None], shape), tracks.frame[places][..., None] + back
+    )
+    return [recording.tracks[name].to_numpy()[found] for name in (c.X, c.V, c.A)], seen & present[..., None]
 
 
 def build_platoons(recording: Recording, anchors: Int[np.ndarray, "platoon"]) -> Platoons:
@@ -205,17 +246,13 @@ def build_platoons(recording: Recording, anchors: Int[np.ndarray, "platoon"]) ->
     tracks = tracks_of_recording(recording)
     if not recording.is_smoothed:
         return platoons_of_tracks(tracks, anchors)
-    places, present = _chain(tracks, anchors)
-    back = np.arange(1 - HISTORY, 1)
-    shape = (*places.shape, HISTORY)
-    found, seen = tracks.find(
-        np.broadcast_to(tracks.vehicle[places][..., None], shape), tracks.frame[places][..., None] + back
-    )
-    states = [recording.tracks[name].to_numpy()[found] for name in (c.X, c.V, c.A)]
-    return _masked(tracks, places, states, seen & present[..., None])
+    places, present = chain_ahead(tracks, anchors)
+    states, valid = smoothed_states_at_places(recording, tracks, places, present)
+    own = with_states(tracks, places, states, valid, np.logical_and.accumulate(valid[:, :, -1], axis=1))
+    return replace(own, traffic=traffic_around(tracks, anchors))
 
 
-def _check_time_step(time_step: float) -> None:
+def check_time_step(time_step: float) -> None:
     every = round(STEP / time_step)
     if every < 1 or abs(every * time_step - STEP) > SAME_STEP:
         raise RecordingError(
@@ -236,15 +273,42 @@ def _with_leaders(tracks: Tracks, leader: Int[np.ndarray, "row"], led: Bool[np.n
     return Tracks(**values | {"leader": np.where(led, leader, np.arange(len(led))), "led": led})
 
 
-def _chain(
-    tracks: Tracks, rows: Int[np.ndarray, "platoon"]
+def chain_ahead(
+    tracks: Tracks, rows: Int[np.ndarray, "platoon"], *, count: int = PLACES
 ) -> tuple[Int[np.ndarray, "platoon place"], Bool[np.ndarray, "platoon place"]]:
-    """Returns the row of the vehicle in each place, and whether there is one."""
+    """Returns the row of the vehicle in each of that many places from those rows on, and whether there is one."""
     places, present = [rows], [np.ones(len(rows), dtype=bool)]
-    for _ in range(PLACES - 1):
+    for _ in range(count - 1):
         present.append(present[-1] & tracks.led[places[-1]])
         places.append(tracks.leader[places[-1]])
     return np.stack(places, axis=1), np.stack(present, axis=1)
+
+
+def traffic_around(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Float[np.ndarray, "platoon moment band"]:
+    """Returns the mean speeds [m/s] of the traffic around the vehicles in those rows; see `Platoons.traffic`."""
+    second, *back = (round(time / tracks.time_step) for time in (1.0, *MOMENTS))
+    first, start = tracks.frame.min() - max(back), tracks.x.min()
+    frames, metres = tracks.frame.max() - first + 1, tracks.x.max() - start + 2.0
+    moment = tracks.road * frames + tracks.frame - first
+    asked_moment = moment[rows, None] - np.array(back)
+    near = np.flatnonzero((tracks.road != UNKNOWN_ROAD) & np.isin(moment, asked_moment))
+    before, seen = tracks.find(tracks.vehicle[near], tracks.frame[near] - second)
+    near, before = near[seen], before[seen]
+    # one number for road, frame and place, in this order: the vehicles of a stretch are a run in the order of it
+    place = moment[near] * metres + (tracks.x[near] - start)
+    order = place.argsort(kind="stable")
+    moved = (tracks.x[near] - tracks.x[before])[order]  # in a second, so it is a speed
+    sums = np.concatenate([[0.0], np.cumsum(moved)])
+    edges = np.clip(tracks.x[rows, None] - start + np.array(BANDS), -0.5, metres - 1.5)
+    at = np.searchsorted(place[order], asked_moment[..., None] * metres + edges[:, None])
+    count = np.diff(at, axis=-1)
+    mean = np.diff(sums[at], axis=-1) / np.maximum(count, 1)
+    return np.where((count > 0) & (tracks.road[rows] != UNKNOWN_ROAD)[:, None, None], mean, np.nan)
+
+
+def no_traffic(count: int) -> Float[np.ndarray, "platoon moment band"]:
+    """Returns `Platoons.traffic` of that many platoons where nothing is known of it."""
+    return np.full((count, len(MOMENTS), len(BANDS) - 1), np.nan)
 
 
 def _holes_filled(
@@ -284,14 +348,14 @@ def _states(
     return states, kept
 
 
-def _masked(
+def with_states(
     tracks: Tracks,
     places: Int[np.ndarray, "platoon place"],
-    states: list[Float[np.ndarray, "platoon place past"]],
+    states: States,
     valid: Bool[np.ndarray, "platoon place past"],
+    present: Bool[np.ndarray, "platoon place"],
 ) -> Platoons:
-    """Returns the platoons without what lies beyond a place that is empty at t = 0."""
-    present = np.logical_and.accumulate(valid[:, :, -1], axis=1)
+    """Returns the platoons of the vehicles in those rows, without those that are not present."""
     valid = valid & present[..., None]
     x, v, a = (np.where(valid, state, np.nan) for state in states)
     return Platoons(
@@ -301,4 +365,5 @@ def _masked(
         valid=valid,
         length=np.where(present, tracks.length[places], np.nan),
         kind=np.where(present, tracks.kind[places], CAR),
+        traffic=no_traffic(len(places)),
     )

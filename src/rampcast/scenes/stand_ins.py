@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rampcast.recording import Site
+from rampcast.scenes.merge_scenes import MergeScenes
+from rampcast.scenes.platoons import CAR, Platoons
 from rampcast.scenes.scenes import FEATURES, PAST, SLOTS, STEP, A, Scenes, U, V, X, Y
 
 VIRTUAL_AHEAD = 500.0  # [m] x of a missing target-lane leader; the paper, section "Data Set"
@@ -69,4 +71,22 @@ def with_stand_ins(scenes: Scenes) -> Scenes:
         change_label=np.full(len(scenes), np.nan),
         change_crossing=np.full(len(scenes), np.nan),
         seen_for=np.zeros(len(scenes)),
+        around=None if scenes.around is None else only_seen_around(scenes.around),
+    )
+
+
+def only_seen_around(scenes: MergeScenes) -> MergeScenes:
+    """Returns merge scenes with nothing in them but what was seen."""
+    return replace(scenes, own=_only_seen(scenes.own), target=_only_seen(scenes.target))
+
+
+def _only_seen(platoons: Platoons) -> Platoons:
+    seen, present = platoons.valid, platoons.present
+    return replace(
+        platoons,
+        x=np.where(seen, platoons.x, np.nan),
+        v=np.where(seen, platoons.v, np.nan),
+        a=np.where(seen, platoons.a, np.nan),
+        length=np.where(present, platoons.length, np.nan),
+        kind=np.where(present, platoons.kind, CAR),
     )

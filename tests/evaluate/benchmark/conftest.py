@@ -3,7 +3,7 @@
 import pytest
 
 from rampcast.evaluate.benchmark import Cases
-from tests.evaluate.benchmark import made_up
+from tests.evaluate.benchmark import made_up, made_up_merges
 
 
 @pytest.fixture(scope="session")
@@ -18,3 +18,9 @@ def pairs_folder(tmp_path_factory):
 def cases(tmp_path_factory) -> Cases:
     """Returns the cases of the made-up pairs."""
     return made_up.cases(tmp_path_factory.mktemp("cases"))
+
+
+@pytest.fixture(scope="session")
+def merging(tmp_path_factory) -> Cases:
+    """Returns the cases of the made-up merges."""
+    return made_up_merges.cases(tmp_path_factory.mktemp("merges"), made_up_merges.merges())

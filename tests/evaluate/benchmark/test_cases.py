@@ -70,33 +70,104 @@ def test_an_event_is_followed_by_integrating_its_speed(tmp_path):
 
 
 def merge_table(count: int = 60) -> pl.DataFrame:
-    """Returns a merging vehicle at 10 m/s with two others ahead; the first is another one from index 20 on."""
+    """Returns a merging vehicle at 10 m/s among five others that are as fast; x of its front is -distance_to_end.
+
+    Slot 5 is the leader in its own lane, 25 m ahead. From index 20 on that vehicle is in slot 3: it has changed lane,
+    and the one that was 40 m ahead in slot 3 is in slot 4. From index 30 on the vehicle of slot 2 is beside and then
+    ahead in slot 3, overtaking, and the others have moved on by one slot.
+    """
     time = 0.1 * np.arange(count)
     table = pl.DataFrame({"merge": 3, "time": time, "v": 10.0, "distance_to_end": 200.0 - 10.0 * time})
-    gap = np.where(np.arange(count) < 20, 15.0, 25.0)
-    return table.with_columns(gap_3=gap, dv_3=0.0, gap_4=60.0, dv_4=0.0)
+    early, late = np.arange(count) < 20, np.arange(count) >= 30
+    overtaking = -10.0 + 4.0 * np.maximum(time - 0.5, 0.0)  # 0 at index 30
+    slots = {
+        1: (np.where(late, -60.0, -40.0), 0.0),
+        2: (np.where(late, -40.0, overtaking), np.where(late | (time < 0.55), 0.0, 4.0)),
+        3: (np.where(early, 40.0, np.where(late, overtaking, 25.0)), np.where(late, 4.0, 0.0)),
+        4: (np.where(early, 90.0, np.where(late, 25.0, 40.0)), 0.0),
+        5: (np.where(early, 25.0, np.nan), np.where(early, 0.0, np.nan)),
+    }
+    columns = {f"{name}_{k}": values[which] for k, values in slots.items() for which, name in enumerate(("gap", "dv"))}
+    return table.with_columns(
+        **{name: pl.lit(values) if np.isscalar(values) else values for name, values in columns.items()}
+    )
 
 
-def test_merges_are_anchored_every_half_second_and_a_jump_in_a_gap_is_another_vehicle(tmp_path):
-    cases = read("us101_ramp_merges", merge_table(), tmp_path)
-    assert cases.case.tolist() == [f"3-{index}" for index in range(5, 50, 5)]
-    np.testing.assert_allclose(cases.truth[:, 4], 10.0, atol=1e-6)
-    at_25 = cases.platoons.select(np.array([4]))
-    assert at_25.depth.tolist() == [2]
-    ahead = at_25.x[0, :, -1] - at_25.x[0, 0, -1]
-    np.testing.assert_allclose(ahead[1:3], [25.0, 60.0], atol=1e-6)
-    seen = at_25.valid[0, 1]  # the new vehicle since index 20: steps 21, 23, 25
-    assert seen.sum() == 3
+@pytest.fixture(scope="module")
+def merges(tmp_path_factory):
+    return read("us101_ramp_merges", merge_table(), tmp_path_factory.mktemp("merges"))
+
+
+def test_merges_are_anchored_every_half_second_until_the_merge(merges):
+    """60 rows, the last of them the merge; one second of truth is left until index 49."""
+    assert merges.case.tolist() == [f"3-{index}" for index in range(5, 60, 5)]
+    assert merges.longitudinal.tolist() == [index <= 49 for index in range(5, 60, 5)]
+    assert merges.merging.all()
+    np.testing.assert_allclose(merges.truth[:9, 4], 10.0, atol=1e-6)
+    np.testing.assert_allclose(merges.change_time, 5.9 - 0.1 * np.arange(5, 60, 5), atol=1e-9)
+    np.testing.assert_allclose(merges.seen_for, merges.change_time)
+    np.testing.assert_allclose(merges.place, 10.0 * merges.change_time, atol=1e-6)
+    np.testing.assert_allclose(merges.since_entry, 0.1 * np.arange(5, 60, 5), atol=1e-9)
+    np.testing.assert_allclose(merges.scenes.to_end, 200.0 - np.arange(5, 60, 5), atol=1e-9)
+
+
+def test_slot_5_is_the_leader_in_the_own_lane_and_the_others_are_the_target_lane(merges):
+    at_15 = merges.scenes.select(np.array([2]))
+    assert at_15.own.depth.tolist() == [1]
+    assert at_15.own.x[0, 1, -1] - at_15.own.x[0, 0, -1] == pytest.approx(25.0)
+    assert at_15.target.present[0].tolist() == [True, True, True, True, *[False] * 6]
+    ahead = at_15.target.x[0, :4, -1] - at_15.own.x[0, 0, -1]
+    np.testing.assert_allclose(ahead, [-40.0, -6.0, 40.0, 90.0], atol=0.3)
+
+
+def test_a_vehicle_is_the_same_in_another_slot(merges):
+    """At index 25 the vehicle 25 m ahead has been in slot 3 for 0.5 s, and in slot 5 before."""
+    at_25 = merges.scenes.select(np.array([4]))
+    assert at_25.own.depth.tolist() == [0]
+    assert at_25.target.valid[0, 2].sum() == 13  # index 1, 3 ... 25, as long as the central vehicle
+    assert at_25.target.x[0, 2, -1] - at_25.own.x[0, 0, -1] == pytest.approx(25.0)
+    np.testing.assert_allclose(merges.leader_truth[2, 20], 25.0 + 42.0, atol=1e-6)  # 4.2 s later it is still known
+
+
+def test_the_gap_merged_into_counts_who_passed(merges):
+    """The vehicle of slot 2 overtakes at index 30: before that the gap is one behind, after it is the nearest."""
+    assert merges.gap.tolist() == [-1.0] * 5 + [0.0] * 6
 
 
 def test_pairs_of_the_german_highway_have_no_leader_and_truth_as_far_as_seen(tmp_path):
     time = 0.2 * np.arange(40)
     table = pl.DataFrame({"pair": 4, "time": time, "x_main": 25.0 * time, "x_ramp": 100.0 + 20.0 * time})
-    cases = read("hee_merge_pairs", table, tmp_path)
+    cases = read("hee_merge_pairs", table.with_columns(lane_main=1.0, lane_ramp=0.1 * time), tmp_path)
     assert cases.case.tolist() == ["4-main-20", "4-main-32", "4-ramp-20", "4-ramp-32"]
     assert cases.platoons.depth.tolist() == [0] * 4
     np.testing.assert_allclose(cases.truth[0, :19], 25.0 * 0.2 * np.arange(1, 20), atol=1e-6)
     assert np.isnan(cases.truth[0, 19:]).all()
+
+
+def test_the_ramp_vehicle_of_a_german_pair_merges_where_its_lane_number_passes_a_half(tmp_path):
+    """0.1 lanes a second from 0.005: beyond 0.5 from index 25 (5.0 s) on; anchors at index 20 and 32.
+
+    The vehicle on the main road is at 25 t, the other at 15 + 20 t: they are abreast at 3 s, so it is ahead at 4 s.
+    """
+    time = 0.2 * np.arange(40)
+    table = pl.DataFrame({"pair": 4, "time": time, "x_main": 25.0 * time, "x_ramp": 15.0 + 20.0 * time})
+    cases = read("hee_merge_pairs", table.with_columns(lane_main=1.0, lane_ramp=0.005 + 0.1 * time), tmp_path)
+    assert cases.merging.tolist() == [False, False, True, False]
+    assert cases.scenes.may_merge.tolist() == [False, False, True, True]
+    np.testing.assert_allclose(cases.change_time[2:], [1.0, -1.4], atol=1e-9)
+    assert cases.gap[2] == 0.0
+    assert cases.scenes.target.present[2].nonzero()[0].tolist() == [2]  # l1
+    np.testing.assert_allclose(cases.scenes.offset[2], 3.75 * (0.5 - 0.405), atol=1e-6)
+    np.testing.assert_allclose(cases.scenes.approach[2], 0.375, atol=1e-6)
+    np.testing.assert_allclose(cases.place[2], 20.0, atol=1e-6)
+    assert np.isposinf(cases.scenes.to_end[2])
+
+
+def test_cases_without_a_merge_know_of_none(cases):
+    assert not cases.merging.any()
+    for values in (cases.change_time, cases.gap, cases.place, cases.since_entry):
+        assert np.isnan(values).all()
+    assert (cases.seen_for >= WHOLE_TRUTH - 1e-9).all()
 
 
 @pytest.mark.parametrize("rule", [{"test_numbers": [2]}, {"test_from_number": 3}])

@@ -14,17 +14,18 @@ from rampcast.models.correction import CorrectionSpec
 from rampcast.models.lstm import LstmSpec
 from rampcast.models.pooled_driver import START, fit_pooled_driver, follow_true_leader, roll_chain
 from rampcast.physics.laws import LAWS
-from rampcast.scenes.platoons import Platoons
+from rampcast.scenes.merge_scenes import without_target
+from rampcast.scenes.platoons import Platoons, no_traffic
 from tests.evaluate.benchmark.made_up import HEADWAY
 
 
 @pytest.fixture(scope="module", autouse=True)
 def quick_lstm():
     """A small LSTM and few trees, with little training: the contracts hold for any weights."""
-    few = PlatoonForecasterSpec(samples=30, folds=3, correction=CorrectionSpec(trees=8, seeds=1, least_in_leaf=10))
+    few = PlatoonForecasterSpec(samples=30, folds=3, correction=CorrectionSpec(trees=8, least_in_leaf=10))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(models, "LSTM", LstmSpec(units=8, epochs=1, batch=256))
-        patch.setattr(models, "PLATOON_FORECASTER", few)
+        patch.setattr(models, "FORECASTER", few)
         yield
 
 
@@ -37,7 +38,7 @@ def sides(cases):
 
 @pytest.fixture(scope="module")
 def forecasts(sides, quick_lstm):
-    return forecast_cases(*sides)
+    return forecast_cases(Training(sides[0]), sides[1])
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +64,7 @@ def test_changing_the_truth_changes_the_oracle_and_nothing_else(forecasts, sides
         truth=rng.normal(100.0, 30.0, test.truth.shape),
         leader_truth=test.leader_truth + np.linspace(0.0, 40.0, test.truth.shape[1]),
     )
-    again = forecast_cases(train, changed)
+    again = forecast_cases(Training(train), changed)
     for name in MODELS:
         np.testing.assert_array_equal(again[name].x, forecasts[name].x, err_msg=name)
         np.testing.assert_array_equal(again[name].quantiles, forecasts[name].quantiles, err_msg=name)
@@ -71,19 +72,19 @@ def test_changing_the_truth_changes_the_oracle_and_nothing_else(forecasts, sides
 
 
 def test_the_forecast_of_a_case_does_not_depend_on_the_other_cases(predictors, sides):
-    platoons = sides[1].platoons
+    scenes = sides[1].scenes
     for name, predict in predictors.items():
-        together = predict(platoons).x
-        for row in (0, 17, len(platoons) - 1):
-            alone = predict(platoons.select(np.array([row]))).x[0]
+        together = predict(scenes).x
+        for row in (0, 17, len(scenes) - 1):
+            alone = predict(scenes.select(np.array([row]))).x[0]
             np.testing.assert_allclose(alone, together[row], atol=1e-3, err_msg=name)
 
 
 def test_shifting_all_places_changes_no_displacement(predictors, sides):
     platoons = sides[1].platoons
-    moved = replace(platoons, x=platoons.x + 300.0)
+    here, moved = (without_target(replace(platoons, x=platoons.x + shift)) for shift in (0.0, 300.0))
     for name in ("constant_velocity", "relax_to_leader", "pooled_idm", "chain_8", "lstm"):
-        np.testing.assert_allclose(predictors[name](moved).x, predictors[name](platoons).x, atol=1e-3, err_msg=name)
+        np.testing.assert_allclose(predictors[name](moved).x, predictors[name](here).x, atol=1e-3, err_msg=name)
 
 
 def test_a_place_that_is_empty_changes_nothing_whatever_lies_in_it(predictors, sides):
@@ -91,14 +92,14 @@ def test_a_place_that_is_empty_changes_nothing_whatever_lies_in_it(predictors, s
     noise = np.random.default_rng(2).normal(50.0, 20.0, platoons.x.shape)
     x, v, a = (np.where(platoons.valid, values, noise) for values in (platoons.x, platoons.v, platoons.a))
     length = np.where(platoons.present, platoons.length, 77.0)
-    changed = replace(platoons, x=x, v=v, a=a, length=length)
+    changed = without_target(replace(platoons, x=x, v=v, a=a, length=length))
     for name in ("idm", "chain_1", "chain_8", "pooled_idm", "relax_to_leader"):
-        np.testing.assert_array_equal(predictors[name](changed).x, predictors[name](platoons).x, err_msg=name)
+        np.testing.assert_array_equal(predictors[name](changed).x, predictors[name](sides[1].scenes).x, err_msg=name)
 
 
 def test_constant_velocity_is_speed_times_time(sides):
     platoons = sides[1].platoons
-    x = constant_velocity(Training(sides[0]))(platoons).x
+    x = constant_velocity(Training(sides[0]))(sides[1].scenes).x
     np.testing.assert_allclose(x, platoons.v[:, 0, -1, None] * TIME)
 
 
@@ -107,7 +108,7 @@ def test_the_time_constant_of_the_relaxation_is_found_again(sides):
     train, test = sides
     v, leader = train.platoons.v[:, 0, -1, None], train.platoons.v[:, 1, -1, None]
     truth = leader * TIME + (v - leader) * 7.0 * (1.0 - np.exp(-TIME / 7.0))
-    x = relax_to_leader(Training(replace(train, truth=truth)))(test.platoons).x
+    x = relax_to_leader(Training(replace(train, truth=truth)))(test.scenes).x
     v, leader = test.platoons.v[:, 0, -1, None], test.platoons.v[:, 1, -1, None]
     np.testing.assert_allclose(x, leader * TIME + (v - leader) * 7.0 * (1.0 - np.exp(-TIME / 7.0)), atol=1e-2)
 
@@ -142,7 +143,8 @@ def made_up_platoon(gaps: list[float], speeds: list[float]) -> Platoons:
     valid = np.isfinite(x)
     length = np.where(valid[:, :, -1], 5.0, np.nan)
     a = np.where(valid, 0.0, np.nan)
-    return Platoons(x=x, v=v, a=a, valid=valid, length=length, kind=np.ones((1, 9), dtype=np.int64))
+    kind = np.ones((1, 9), dtype=np.int64)
+    return Platoons(x=x, v=v, a=a, valid=valid, length=length, kind=kind, traffic=no_traffic(1))
 
 
 def test_a_chain_is_what_a_plain_loop_makes_of_it():
@@ -167,7 +169,7 @@ def test_a_chain_is_what_a_plain_loop_makes_of_it():
 def test_a_vehicle_without_a_leader_keeps_its_speed(predictors):
     platoons = made_up_platoon([], [13.0])
     for name in ("idm", "ghr", "gipps_paper"):
-        fitted = predictors[name](platoons).x[0]
+        fitted = predictors[name](without_target(platoons)).x[0]
         np.testing.assert_allclose(fitted, 13.0 * TIME, err_msg=name)
     np.testing.assert_allclose(roll_chain(np.array(START), platoons, leaders=8)[0], 13.0 * TIME)
     np.testing.assert_allclose(follow_true_leader(np.array(START), platoons, np.full((1, 75), np.nan)), np.nan)
@@ -186,7 +188,7 @@ def test_the_oracle_is_silent_once_the_leader_is_no_longer_seen(sides):
     ahead = test.leader_truth.copy()
     ahead[0, 30:] = np.nan
     tell = oracle(Training(train))
-    whole, cut = (tell(test.platoons, known).x for known in (test.leader_truth, ahead))
+    whole, cut = (tell(test.scenes, known).x for known in (test.leader_truth, ahead))
     np.testing.assert_allclose(cut[0, :30], whole[0, :30], atol=1e-9)
     assert np.isnan(cut[0, 30:]).all()
     np.testing.assert_array_equal(cut[1:], whole[1:])
@@ -218,3 +220,15 @@ def test_too_few_errors_give_no_band():
     banded = with_bands(Forecasts(np.zeros((1, 2))), Forecasts(np.full((30, 2), 40.0)), truth)
     assert np.isfinite(banded.quantiles[0, 0]).all()
     assert np.isnan(banded.quantiles[0, 1]).all()
+
+
+def test_a_sample_overlaps_once_it_has_been_in_another_vehicle():
+    """Three samples of a vehicle of 4 m: one ends in its leader, one was in it and came out, one is in its follower."""
+    x = np.array([[[1.0, 2.0, 3.0], [1.0, 4.0, 5.0], [1.0, 2.0, 3.0]]])
+    counts = models.overlaps(
+        x,
+        leader_rear=np.array([[[2.0, 2.5, 2.9], [2.0, 3.9, 9.0], [2.0, 2.005, 9.0]]]),
+        follower_front=np.array([[[-9.0, -9.0, -9.0], [-9.0, -9.0, -9.0], [-3.0, -2.0, 0.0]]]),
+        length=np.array([4.0]),
+    )
+    assert counts.tolist() == [[0, 1, 3]]

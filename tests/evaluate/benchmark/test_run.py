@@ -41,6 +41,21 @@ def test_of_two_folders_one_trains_and_the_other_tests_as_a_whole(pairs_folder, 
     assert set(other.cases["case"].str.slice(0, 2)) == {"1-"}
 
 
+def test_a_companion_trains_with_its_other_windows_alone_as_those_are_of_another_hour(pairs_folder, tmp_path):
+    table = pl.read_parquet(pairs_folder / "i80_pairs_three_windows.parquet")
+    first = table.filter(pl.col("window") == 1).drop("window")
+    train, test = tmp_path / "train", tmp_path / "test"
+    for folder in (train, test):
+        folder.mkdir()
+        first.write_parquet(folder / "i80_car_following_pairs.parquet")
+    alone = run_benchmark(train, test, models=FEW).record["data_sets"]["i80_car_following_pairs"]
+    assert (alone["split"], alone["train"], alone["test"]) == ("folders", 40, 40)
+    table.write_parquet(train / "i80_pairs_three_windows.parquet")
+    about = run_benchmark(train, test, models=FEW).record["data_sets"]["i80_car_following_pairs"]
+    assert about["split"] == "folders, with 80 training cases of i80_pairs_three_windows"
+    assert (about["train"], about["test"]) == (120, 40)
+
+
 def test_a_folder_with_nothing_of_the_benchmark_is_refused(tmp_path):
     with pytest.raises(
         RecordingError, match="no data set of the benchmark was found: i80_pairs_three_windows: no file"
@@ -53,6 +68,8 @@ def test_the_files_hold_the_tables_and_the_record(found, tmp_path):
     assert pl.read_parquet(tmp_path / "scores.parquet").equals(found.scores)
     assert pl.read_csv(tmp_path / "scores.csv").columns == found.scores.columns
     assert pl.read_parquet(tmp_path / "cases.parquet").equals(found.cases)
+    assert pl.read_parquet(tmp_path / "merge_cases.parquet").is_empty()  # nobody merges here
+    assert (tmp_path / "merge_scores.csv").is_file()
     record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
     assert record["command"] == "rampcast benchmark"
     assert set(record["versions"]) == {"rampcast", "jax", "numpy", "scipy", "polars"}

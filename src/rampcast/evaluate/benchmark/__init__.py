@@ -2,24 +2,38 @@
 
 from rampcast.evaluate.benchmark.cases import Cases
 from rampcast.evaluate.benchmark.data_sets import DATA_SETS, DataSet
+from rampcast.evaluate.benchmark.merge_tables import merge_case_table, merge_score_table
+from rampcast.evaluate.benchmark.merges import MERGE_MODELS, MergeForecasts
 from rampcast.evaluate.benchmark.metrics import case_table, score_table
 from rampcast.evaluate.benchmark.models import MODELS, Forecasts, Training
-from rampcast.evaluate.benchmark.run import Benchmark, default_folder, forecast_cases, run_benchmark, write_benchmark
+from rampcast.evaluate.benchmark.run import (
+    Benchmark,
+    default_folder,
+    forecast_cases,
+    forecast_merges,
+    run_benchmark,
+    write_benchmark,
+)
 from rampcast.evaluate.benchmark.splits import Split, folds, split
 
 __all__ = [
     "DATA_SETS",
+    "MERGE_MODELS",
     "MODELS",
     "Benchmark",
     "Cases",
     "DataSet",
     "Forecasts",
+    "MergeForecasts",
     "Split",
     "Training",
     "case_table",
     "default_folder",
     "folds",
     "forecast_cases",
+    "forecast_merges",
+    "merge_case_table",
+    "merge_score_table",
     "run_benchmark",
     "score_table",
     "split",

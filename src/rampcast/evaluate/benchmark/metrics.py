@@ -93,8 +93,27 @@ def bootstrap_mean(
     groups = draws.shape[1]
     sums, counts = np.bincount(group, weights=values, minlength=groups), np.bincount(group, minlength=groups)
     drawn = draws @ counts
-    means = (draws @ sums)[drawn > 0] / drawn[drawn > 0]
-    low, high = np.quantile(means, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+    return interval((draws @ sums)[drawn > 0] / drawn[drawn > 0])
+
+
+def bootstrap_ratio(
+    values: Float[np.ndarray, "case"],
+    others: Float[np.ndarray, "case"],
+    group: Int[np.ndarray, "case"],
+    draws: Int[np.ndarray, "draw group"],
+) -> tuple[float, float, float]:
+    """Returns the ratio of two means and its 95 % interval, likewise; NaN where the second is 0."""
+    sums, theirs = (np.bincount(group, weights=one, minlength=draws.shape[1]) for one in (values, others))
+    above, below = draws @ sums, draws @ theirs
+    low, high = interval(above[below > 0] / below[below > 0])
+    return (float(values.sum() / others.sum()) if others.sum() > 0 else float("nan")), low, high
+
+
+def interval(drawn: Float[np.ndarray, "drawn"]) -> tuple[float, float]:
+    """Returns what holds 95 % of the draws of a bootstrap; NaN of none."""
+    if not len(drawn):
+        return float("nan"), float("nan")
+    low, high = np.quantile(drawn, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
     return float(low), float(high)
 
 
@@ -103,8 +122,8 @@ def score_table(cases: Cases, forecasts: Mapping[str, Forecasts]) -> pl.DataFram
 
     Columns: data_set, depth ("at least so many leaders"; 0 is all), horizon [s], model, n, groups, mean_error with
     error_low and error_high (bootstrap by group), rmse, bias, within_5, within_10, crps, coverage_50, width_50,
-    coverage_90, width_90, pit_00_05 ... pit_95_100, gap_closed; lengths in m. What is not known is null. A model that
-    knows nothing of some cases (the oracle) is compared with the reference on those that it knows.
+    coverage_90, width_90, pit_00_05 ... pit_95_100, overlaps, gap_closed; lengths in m. What is not known is null. A
+    model that knows nothing of some cases (the oracle) is compared with the reference on those that it knows.
 
     Args:
         cases: with their truths.
@@ -191,10 +210,11 @@ def _scores(
         "within_5": float(np.mean(size < NEAR)),
         "within_10": float(np.mean(size < FAR)),
     }
+    counted = None if forecast.overlaps is None else int(forecast.overlaps[rows, step].sum())
     quantiles = None if forecast.quantiles is None else forecast.quantiles[rows, step]
     if quantiles is None or not np.isfinite(quantiles).all():
-        return scores | dict.fromkeys(_BAND_COLUMNS)
-    return scores | _band_scores(quantiles, truth)
+        return scores | dict.fromkeys(_BAND_COLUMNS) | {"overlaps": counted}
+    return scores | _band_scores(quantiles, truth) | {"overlaps": counted}
 
 
 def _band_scores(quantiles: Float[np.ndarray, "case quantile"], truth: Float[np.ndarray, "case"]) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """The table of the benchmark's longitudinal models. To add one: a `fit`, here or elsewhere, and a line in `MODELS`.
 
-A `fit` is given the training cases, futures and all, and returns a `predict`, which is given platoons and nothing else.
+A `fit` is given the training cases, futures and all, and returns a `predict`, which is given scenes and nothing else.
 The oracle alone is told the leader's future, as an argument of its own.
 """
 
@@ -10,21 +10,19 @@ from functools import cached_property, partial
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 
 from rampcast.evaluate.benchmark.cases import Cases
-from rampcast.forecast.platoon_forecaster import (
-    PlatoonForecaster,
-    PlatoonForecasterSpec,
-    fit_platoon_forecaster,
-)
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.roll_out import follow
+from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
 from rampcast.models.calibration import calibrate
 from rampcast.models.lstm import LstmSpec, NeighbourLstm, fit_lstm
 from rampcast.models.pooled_driver import fit_pooled_driver, follow_true_leader, roll_chain
 from rampcast.physics.laws import LAWS
 from rampcast.physics.mode import Mode
+from rampcast.scenes.merge_scenes import MergeScenes
 from rampcast.scenes.platoons import HISTORY, PLACES, Platoons, known_lengths
 from rampcast.scenes.scenes import FUTURE, PAST, STEP
 from rampcast.scenes.windows import WINDOW
@@ -37,7 +35,8 @@ LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known
 LSTM_STRIDE = 5  # steps between the windows that the LSTM is trained on
 MOST_WINDOWS = 4000  # of the LSTM, so that the whole benchmark takes minutes
 LSTM = LstmSpec(epochs=10, batch=64)  # likewise; the paper trains 25 epochs
-PLATOON_FORECASTER = PlatoonForecasterSpec()
+FORECASTER = PlatoonForecasterSpec()
+TOUCH = 0.01  # [m]; samples are kept in single precision, and overlap when they are farther into another vehicle
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,13 @@ class Forecasts:
     Attributes:
         x: displacement from the place at t = 0, at 0.2, 0.4 ... 15 s [m].
         quantiles: of it, at `LEVELS` [m]; None for a model that gives a number only.
+        overlaps: how many samples of each case overlap another vehicle at that step or before; None for a model that
+            does not sample.
     """
 
     x: Float[np.ndarray, "case step"]
     quantiles: Float[np.ndarray, "case step quantile"] | None = None
+    overlaps: Int[np.ndarray, "case step"] | None = None
 
 
 @dataclass(frozen=True)
@@ -64,57 +66,70 @@ class Training:
     cases: Cases
 
     @cached_property
-    def driver(self) -> Float[np.ndarray, "param"]:
-        """Returns the IDM of the average driver: fitted behind the true futures of the leaders."""
-        return fit_pooled_driver(self.cases.platoons, self.cases.truth, leader_truth=self.cases.leader_truth)
+    def longitudinal(self) -> Cases:
+        """Returns the cases that ask where the vehicle will be."""
+        return self.cases.select(self.cases.longitudinal)
 
     @cached_property
-    def forecaster(self) -> PlatoonForecaster:
+    def driver(self) -> Float[np.ndarray, "param"]:
+        """Returns the IDM of the average driver: fitted behind the true futures of the leaders."""
+        cases = self.longitudinal
+        return fit_pooled_driver(cases.platoons, cases.truth, leader_truth=cases.leader_truth)
+
+    @cached_property
+    def merging(self) -> Cases:
+        """Returns the cases that ask when the vehicle will merge."""
+        return self.cases.select(self.cases.merging)
+
+    @cached_property
+    def scene_forecaster(self) -> SceneForecaster:
         """Returns rampcast's own forecaster."""
         cases = self.cases
-        return fit_platoon_forecaster(
-            cases.platoons,
+        return fit_scene_forecaster(
+            cases.scenes,
             cases.truth,
             cases.leader_truth,
+            change_time=cases.change_time,
+            seen_for=cases.seen_for,
             group=cases.group,
             t0=cases.t0,
-            spec=PLATOON_FORECASTER,
+            spec=FORECASTER,
         )
 
 
-Predict = Callable[[Platoons], Forecasts]
+Predict = Callable[[MergeScenes], Forecasts]
 Fit = Callable[[Training], Predict]
-OraclePredict = Callable[[Platoons, Float[np.ndarray, "case step"]], Forecasts]
+OraclePredict = Callable[[MergeScenes, Float[np.ndarray, "case step"]], Forecasts]
 
 
 def constant_velocity(training: Training) -> Predict:
     """Returns x = v t."""
     del training
-    return lambda platoons: Forecasts(_speed(platoons)[:, None] * TIME)
+    return lambda scenes: Forecasts(_speed(scenes.own)[:, None] * TIME)
 
 
 def relax_to_leader(training: Training) -> Predict:
     """Returns the forecast of a vehicle whose speed goes to its leader's exponentially; one time constant for all."""
-    cases = training.cases
+    cases = training.longitudinal
 
     def error(relaxation: float) -> float:
         sizes = np.abs(_relaxed(cases.platoons, relaxation) - cases.truth)
         return float(np.nanmean(sizes))
 
     best = minimize_scalar(error, bounds=(STEP, LONGEST_RELAXATION), method="bounded").x
-    return lambda platoons: Forecasts(_relaxed(platoons, float(best)))
+    return lambda scenes: Forecasts(_relaxed(scenes.own, float(best)))
 
 
 def pooled_idm(training: Training) -> Predict:
     """Returns the forecast of one IDM behind a leader that keeps its speed, fitted in just this use."""
-    parameters = fit_pooled_driver(training.cases.platoons, training.cases.truth)
-    return lambda platoons: Forecasts(roll_chain(parameters, platoons, leaders=1))
+    parameters = fit_pooled_driver(training.longitudinal.platoons, training.longitudinal.truth)
+    return lambda scenes: Forecasts(roll_chain(parameters, scenes.own, leaders=1))
 
 
 def chain(training: Training, *, leaders: int) -> Predict:
     """Returns the forecast of the average driver's IDM in a chain of so many leaders, the first at constant speed."""
     parameters = training.driver
-    return lambda platoons: Forecasts(roll_chain(parameters, platoons, leaders=leaders))
+    return lambda scenes: Forecasts(roll_chain(parameters, scenes.own, leaders=leaders))
 
 
 def car_following(training: Training, *, law: str) -> Predict:
@@ -123,30 +138,32 @@ def car_following(training: Training, *, law: str) -> Predict:
     A vehicle without a leader keeps its speed.
     """
     del training
-    return lambda platoons: Forecasts(_fitted_to_history(law, platoons))
+    return lambda scenes: Forecasts(_fitted_to_history(law, scenes.own))
 
 
 def lstm(training: Training) -> Predict:
     """Returns the forecast of the paper's LSTM for the vehicle itself, trained on the training cases' own tracks."""
-    windows = _training_windows(training.cases)
+    windows = _training_windows(training.longitudinal)
     model = fit_lstm(windows, mode=Mode.CORRECTED, spec=LSTM, key=jax.random.key(1))
-    return partial(_lstm_forecast, model)
+    return lambda scenes: _lstm_forecast(model, scenes.own)
 
 
-def platoon_forecaster(training: Training) -> Predict:
+def scene_forecaster(training: Training) -> Predict:
     """Returns the forecast of rampcast's own forecaster: its median, and its own quantiles."""
-    return partial(_platoon_forecast, training.forecaster)
+    return partial(_scene_forecast, training.scene_forecaster)
 
 
 def roll_outs_alone(training: Training) -> Predict:
     """Returns the same without the learned correction: the samples' own median and quantiles."""
-    return partial(_platoon_forecast, replace(training.forecaster, correction=None))
+    model = training.scene_forecaster
+    merges = model.merges and replace(model.merges, correction=None)
+    return partial(_scene_forecast, replace(model, platoons=replace(model.platoons, correction=None), merges=merges))
 
 
 def oracle(training: Training) -> OraclePredict:
     """Returns the forecast of the average driver's IDM behind the leader's true future; NaN once that is not known."""
     parameters = training.driver
-    return lambda platoons, leader_truth: Forecasts(follow_true_leader(parameters, platoons, leader_truth))
+    return lambda scenes, leader_truth: Forecasts(follow_true_leader(parameters, scenes.own, leader_truth))
 
 
 MODELS: dict[str, Fit] = {
@@ -159,7 +176,7 @@ MODELS: dict[str, Fit] = {
     "pooled_idm": pooled_idm,
     **{f"chain_{leaders}": partial(chain, leaders=leaders) for leaders in range(1, PLACES)},
     "rampcast_without_correction": roll_outs_alone,
-    "rampcast": platoon_forecaster,
+    "rampcast": scene_forecaster,
 }
 ORACLE = "oracle"
 REFERENCE = "chain_1"  # one leader at constant speed; it closes none of the gap to the oracle, by definition
@@ -183,12 +200,34 @@ def with_bands(forecasts: Forecasts, training: Forecasts, truth: Float[np.ndarra
     if enough.any():
         spread[enough] = np.nanquantile(errors[:, enough], LEVELS, axis=0).T
     quantiles = np.maximum(forecasts.x[..., None] + spread, 0.0)
-    return Forecasts(forecasts.x, quantiles)
+    return replace(forecasts, quantiles=quantiles)
 
 
-def _platoon_forecast(model: PlatoonForecaster, platoons: Platoons) -> Forecasts:
-    found = model.predict(platoons)
-    return Forecasts(found.median.astype(float), found.quantiles_at(*LEVELS).astype(float))
+def overlaps(
+    samples: Float[np.ndarray, "case sample step"],
+    *,
+    leader_rear: Float[np.ndarray, "case sample step"],
+    follower_front: Float[np.ndarray, "case sample step"],
+    length: Float[np.ndarray, "case"],
+) -> Int[np.ndarray, "case step"]:
+    """Returns how many samples of each case overlap the vehicle ahead, or that behind, at each step or before.
+
+    Args:
+        samples: front of the vehicle [m].
+        leader_rear: rear of the vehicle ahead [m].
+        follower_front: front of the vehicle behind [m].
+        length: of the vehicle itself [m].
+    """
+    inside = (samples > leader_rear + TOUCH) | (follower_front > samples - length[:, None, None] + TOUCH)
+    return np.logical_or.accumulate(inside, axis=2).sum(axis=1)
+
+
+def _scene_forecast(model: SceneForecaster, scenes: MergeScenes) -> Forecasts:
+    found = model.predict(scenes)
+    counts = overlaps(
+        found.samples, leader_rear=found.leader_rear, follower_front=found.follower_front, length=found.length
+    )
+    return Forecasts(found.median.astype(float), found.quantiles_at(*LEVELS).astype(float), counts)
 
 
 def _speed(platoons: Platoons) -> Float[np.ndarray, "case"]:

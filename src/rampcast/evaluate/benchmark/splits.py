@@ -22,7 +22,8 @@ class Split:
 
     Attributes:
         train, test: positions of their cases; a case that lies across the border is in neither.
-        as_committed: whether both hold exactly the groups whose hashes are in the committed file.
+        as_committed: whether both hold exactly the groups whose hashes are in the committed file. Groups that ask for
+            a merge alone, and not where the vehicle will be, do not count.
     """
 
     train: Int[np.ndarray, "train"]
@@ -42,7 +43,7 @@ def split(cases: Cases, rules: Mapping[str, Mapping[str, Any]] | None = None) ->
         rules: by name of the data set; default: the committed ones.
     """
     rule = (committed_rules() if rules is None else rules)[cases.data_set]
-    number = np.array([int(name.split("-")[0]) for name in cases.group.tolist()], dtype=np.int64)
+    number = group_numbers(cases)
     if "test_numbers" in rule:
         test = np.isin(number, rule["test_numbers"])
         train = ~test
@@ -53,7 +54,7 @@ def split(cases: Cases, rules: Mapping[str, Mapping[str, Any]] | None = None) ->
         border = rule["test_from_time"]
         train = _all_of_group(cases.group, cases.t0 + WHOLE_TRUTH < border)
         test = _all_of_group(cases.group, cases.t0 - BEFORE >= border)
-    hashes = group_hash(cases.group[train]), group_hash(cases.group[test])
+    hashes = tuple(group_hash(cases.group[side & cases.longitudinal]) for side in (train, test))
     return Split(
         train=np.flatnonzero(train),
         test=np.flatnonzero(test),
@@ -74,6 +75,11 @@ def folds(cases: Cases, count: int) -> list[tuple[Int[np.ndarray, "train"], Int[
 def committed_rules() -> dict[str, dict[str, Any]]:
     """Returns the rules in the committed file, by name of the data set."""
     return tomllib.loads(FILE.read_text(encoding="utf-8"))
+
+
+def group_numbers(cases: Cases) -> Int[np.ndarray, "case"]:
+    """Returns the first number of the name of each case's group: its window, where there are windows."""
+    return np.array([int(name.split("-")[0]) for name in cases.group.tolist()], dtype=np.int64)
 
 
 def group_hash(groups: Shaped[np.ndarray, "case"]) -> str:

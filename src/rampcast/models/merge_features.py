@@ -1,0 +1,74 @@
+"""What is seen of a merge scene at t = 0, as tables for trees. Missing is NaN, which they split by."""
+
+import numpy as np
+from jaxtyping import Float
+
+from rampcast.models.merge_hazard import LONGEST_READY, LOOKAHEAD, MOVING
+from rampcast.models.platoon_features import features
+from rampcast.recording.smoothing import STEP
+from rampcast.scenes.merge_scenes import BEHIND, MergeScenes
+from rampcast.scenes.platoons import known_lengths
+
+LEADERS_SEEN = 3  # of the target lane, whose states are features
+FAR_GAP = 100.0  # [m]; a gap beyond this is as good as none behind it
+SLOWEST = 20.0  # [s] to the lane line; who takes longer does not go there
+
+
+def merge_table(scenes: MergeScenes) -> Float[np.ndarray, "scene feature"]:
+    """Returns the features of the platoon, and those of the merge."""
+    return np.column_stack([features(scenes.own), merge_columns(scenes)])
+
+
+def merge_columns(scenes: MergeScenes) -> Float[np.ndarray, "scene feature"]:
+    """Returns what tells when and where a vehicle will merge.
+
+    That is: its speed, its acceleration, and its leader; gaps and relative speeds in the target lane; the gap beside,
+    how tight it is now and foreseen to be, and for how long it has been there; the mean speed of the lane; the end of
+    the own one; and place and speed across the lane.
+    """
+    target, own = scenes.target, scenes.own
+    v = np.where(target.present, target.v[:, :, -1], np.nan)
+    speed = own.v[:, :1, -1]
+    seen = slice(0, BEHIND + LEADERS_SEEN)
+    gap = target_gaps(scenes)[:, :, -1]
+    relative = v - speed
+    lead, lag = (np.where(np.isnan(gap[:, one]), FAR_GAP, gap[:, one]) for one in (BEHIND, BEHIND - 1))
+    opening, closed = np.nan_to_num(relative[:, BEHIND]), np.nan_to_num(relative[:, BEHIND - 1])
+    known = np.maximum(target.present.sum(axis=1), 1)
+    mean = np.where(target.present.any(axis=1), np.nansum(relative, axis=1) / known, np.nan)
+    ahead = np.where(own.present[:, 1], own.x[:, 1, -1] - own.x[:, 0, -1] - known_lengths(own)[:, 1], np.nan)
+    moves = scenes.approach > MOVING
+    to_line = np.minimum(np.where(moves, scenes.offset / np.where(moves, scenes.approach, 1.0), SLOWEST), SLOWEST)
+    return np.column_stack(
+        [
+            *(speed, own.a[:, 0, -1], ahead, own.v[:, 1, -1] - speed[:, 0], own.depth),
+            *(np.minimum(gap[:, seen], FAR_GAP), relative[:, seen], mean),
+            *(np.minimum(lead, lag), np.minimum(lead + LOOKAHEAD * opening, lag - LOOKAHEAD * closed), lead + lag),
+            *(time_with_room(scenes), np.where(np.isfinite(scenes.to_end), scenes.to_end, np.nan)),
+            *(
+                scenes.offset,
+                scenes.approach,
+                np.where(np.isnan(scenes.approach), np.nan, np.minimum(to_line, SLOWEST)),
+            ),
+        ]
+    )
+
+
+def target_gaps(scenes: MergeScenes) -> Float[np.ndarray, "scene place past"]:
+    """Returns the net gaps to the vehicles of the target lane over the history [m], negative where abreast.
+
+    Those behind at t = 0 count from the own rear to their fronts, those ahead from the own front to their rears.
+    """
+    target, own = scenes.target, scenes.own
+    ahead = target.x - known_lengths(target)[:, :, None] - own.x[:, :1]
+    behind = own.x[:, :1] - known_lengths(own)[:, :1, None] - target.x
+    return np.where((np.arange(target.x.shape[1]) < BEHIND)[:, None], behind, ahead)
+
+
+def time_with_room(scenes: MergeScenes) -> Float[np.ndarray, "scene"]:
+    """Returns for how long there has been room for the central vehicle between the vehicles beside it at t = 0 [s]."""
+    gap = target_gaps(scenes)[:, BEHIND - 1 : BEHIND + 1]
+    # comparisons with NaN are false: where nobody is seen there is room
+    room = scenes.own.valid[:, 0] & ~(gap <= 0.0).any(axis=1)
+    steps = np.logical_and.accumulate(room[:, ::-1], axis=1).sum(axis=1)
+    return np.minimum(np.maximum(steps - 1, 0) * STEP, LONGEST_READY)
