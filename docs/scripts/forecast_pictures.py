@@ -64,9 +64,8 @@ SAID = {
         from the same samples, the probability to have merged.
     """,
     "forecast_wave": """
-        **A wave that has not come yet.** At t = 0 the vehicle keeps its speed, or gains some, while those ahead of
-        it brake one after the other. The forecast made then bends where the wave will come; a constant speed does
-        not.
+        **A wave that has not come yet.** At t = 0 the vehicle keeps its speed, while those ahead of it brake one
+        after the other. The forecast made then bends where the wave will come; a constant speed does not.
     """,
     "merge_densities": """
         **When it will merge.** How likely a vehicle is said to merge in each second, and when it did; dashed, the
@@ -205,10 +204,10 @@ def wave(training: Training, test: Window) -> tuple[Figure, str]:
     rule = (
         f"Of the {len(cases):,} cases in the target lane to which a wave is coming, the one with the median error "
         f"after 15 s: {errors[row]:.1f} m, where a constant speed is off by {naive[row]:.1f} m. A wave is coming "
-        f"where one vehicle ahead is {FALL:.0f} m/s slower at t = 0, while the vehicle itself slows down by {SAME:.0f} "
-        f"m/s at most in the next {FROM:.0f} s, and by more than {FALL:.0f} m/s from then to {UNTIL:.0f} s, after the "
-        "four vehicles ahead of it have braked one after the other. The mean errors over all these cases are "
-        f"{errors.mean():.1f} and {naive.mean():.1f} m."
+        f"where a vehicle ahead is {FALL:.0f} m/s slower at t = 0, while the vehicle itself has not slowed down, keeps "
+        f"its speed to {SAME:.0f} m/s in the next {FROM:.0f} s, and loses more than {FALL:.0f} m/s from then to "
+        f"{UNTIL:.0f} s, after the wave has run upstream through the four vehicles ahead. The mean errors over all "
+        f"these cases are {errors.mean():.1f} and {naive.mean():.1f} m."
     )
     return figure_of(arriving_wave(table)), rule
 
@@ -233,11 +232,11 @@ def wave_is_coming(cases: Cases) -> Bool[np.ndarray, "case"]:
     speed = np.diff(np.column_stack([np.zeros(len(cases)), cases.truth]), axis=1) / STEP
     first, last = round(FROM / STEP), round(UNTIL / STEP)
     slower_ahead = np.where(own.present[:, 1:], own.v[:, 1:, -1], np.inf).min(axis=1) < now - FALL
-    not_yet = speed[:, :first].min(axis=1) > now - SAME
+    keeps = (np.abs(speed[:, :first] - now[:, None]) < SAME).all(axis=1)
     not_before = np.where(own.valid[:, 0], own.v[:, 0], 0.0).max(axis=1) < now + SAME
     falls = speed[:, first - 1] - speed[:, first:last].min(axis=1) > FALL
     known = np.isfinite(cases.truth).all(axis=1) & (own.depth >= LEADERS)
-    return known & slower_ahead & not_yet & not_before & falls
+    return known & slower_ahead & keeps & not_before & falls
 
 
 def platoon(test: Window, row: int) -> Int[np.ndarray, "place"]:
@@ -247,8 +246,10 @@ def platoon(test: Window, row: int) -> Int[np.ndarray, "place"]:
 
 
 def runs_through(x: Float[np.ndarray, "place time"]) -> bool:
-    """Returns whether the wave reaches `LEADERS` vehicles ahead one after the other, and then the vehicle itself."""
-    return min(braking_steps(x)[: LEADERS + 1]) >= 0
+    """Returns whether the wave runs upstream through `LEADERS` vehicles ahead and then reaches the vehicle itself."""
+    steps = np.array(braking_steps(x)[: LEADERS + 1])
+    places = x[np.arange(len(steps)), steps]
+    return bool((steps >= 0).all() and (np.diff(places) > 0.0).all())
 
 
 def median_row(forecast: SceneForecast, cases: Cases) -> int:

@@ -20,7 +20,7 @@ OFFSETS = 0.2 * np.random.default_rng(0).standard_normal((16, 5))
 PRIOR = DriverPrior(CENTRE, 0.2, 1.0, np.column_stack([CENTRE[:5] * np.exp(OFFSETS), np.full(16, CENTRE[5])]))
 LIMIT = 25.0
 ROLL_OUT = RollOut(PRIOR, Disturbance(), Head(), LIMIT)
-OFTEN = MergeRollOut(ROLL_OUT, MergeHazard(np.zeros(FEATURES), -2.0, 300.0, 0.0), 0.25)
+OFTEN = MergeRollOut(ROLL_OUT, MergeHazard(np.zeros(FEATURES), -2.0, 300.0, 0.0))
 ALWAYS = replace(OFTEN, hazard=replace(OFTEN.hazard, constant=20.0))
 SAMPLES = 20
 

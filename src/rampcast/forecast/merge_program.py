@@ -116,9 +116,10 @@ def _between(state: _State, known: _Scene, target: Sequence[_Seen]) -> _Gap:
     """Returns between whom of the vehicles that began in the target lane those are that may merge."""
     x = state.own.x[: len(state.merged)]
     lead, lag_x, lag_v = _nobody(x), jnp.full_like(x, -FAR), jnp.zeros_like(x)
-    for there in reversed(target):
-        lead = _choose(there.x > x, there, lead)
-    for there, present in zip(target, known.target.present, strict=True):
+    seen = list(zip(target, known.target.present, strict=True))  # absent ones stand far ahead, whatever their place
+    for there, present in reversed(seen):
+        lead = _choose((there.x > x) & present, there, lead)
+    for there, present in seen:
         behind = (there.x <= x) & present
         lag_x, lag_v = jnp.where(behind, there.x, lag_x), jnp.where(behind, there.v, lag_v)
     return _Gap(lead, lag_x, lag_v)
@@ -149,7 +150,7 @@ def _accelerations(
     lane: _Lane, known: _Known, lead: _Seen, kicks: Array, numbers: Array
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """Returns accelerations [m/s^2] and the residual part of them; a vehicle behind nobody keeps about its speed."""
-    persistence, kick, relaxing, shock, *_ = numbers
+    persistence, kick, relaxing, shock = numbers
     low, high = idm.limits(known.driver)
     law = idm.acceleration(known.driver, speed=lane.v, leader_speed=lead.v, gap=lead.rear - lane.x)
     extra = persistence * lane.extra + kick * kicks
@@ -178,7 +179,7 @@ def _driven_on(state: _State, known: _Scene, gap: _Gap, kicks: Array, numbers: A
         )
     )
     a, extra = _accelerations(state.own, known.own, lead, kicks[: len(own)], numbers)
-    eased = _eased(state, known, beside, a[:count], numbers[-1])
+    eased = _eased(state, known, a[:count])
     closing = jnp.maximum(state.own.v[:count] - beside.v, 0.0)
     softest = -REGAINING - closing**2 / (2.0 * jnp.maximum(beside.rear - state.own.x[:count], MINIMUM_GAP))
     a = a.at[:count].set(jnp.where(state.merged, jnp.maximum(a[:count], softest), eased))
@@ -192,18 +193,11 @@ def _driven_on(state: _State, known: _Scene, gap: _Gap, kicks: Array, numbers: A
     )
 
 
-def _eased(state: _State, known: _Scene, beside: _Seen, a: Array, synchronising: Array) -> Array:
-    """Returns the accelerations of those that may merge: less for who is ahead in the target lane, and for the end."""
-    count = len(a)
-    driver = idm.Parameters(*(jnp.asarray(values)[:count] for values in known.own.driver))
-    x, v = state.own.x[:count], state.own.v[:count]
-    low, high = idm.limits(driver)
-    law = idm.acceleration(driver, speed=v, leader_speed=beside.v, gap=beside.rear - x)
-    # nobody waits for a vehicle that is still abreast
-    wish = jnp.where((beside.x < FAR) & (beside.rear > x), jnp.clip(law, low, high), a)
-    eased = a - synchronising * jnp.maximum(a - wish, 0.0)
+def _eased(state: _State, known: _Scene, a: Array) -> Array:
+    """Returns the accelerations of those that may merge, less where it takes hard braking to stop before the end."""
+    x, v = state.own.x[: len(a)], state.own.v[: len(a)]
     needed = jnp.minimum(v**2 / (2.0 * jnp.maximum(known.to_end - x, 0.1)), HARDEST_BRAKING)
-    return jnp.where(needed > STOPPING, jnp.minimum(eased, -needed), eased)
+    return jnp.where(needed > STOPPING, jnp.minimum(a, -needed), a)
 
 
 def _look(state: _State, known: _Scene, gap: _Gap, time: Array) -> tuple[tuple[Array, ...], Array, _State]:

@@ -2,10 +2,9 @@
 
 Every vehicle of the ramp lane and of the target lane follows whoever is ahead of it in its lane by then, with a driver
 drawn from its own posterior and a residual acceleration of its own, as in `platoon_roll_out`. A vehicle on the ramp
-may also heed the vehicle ahead of it in the target lane, brakes for the end of its lane, and changes lane when its
-hazard (`models.merge_hazard`) has added up to a threshold drawn beforehand; never into a vehicle. From then on it has
-the leader that is there, and the vehicle behind follows it. So time, place and gap of the merge and the places of all
-vehicles come from the same samples.
+brakes for the end of its lane, and changes lane when its hazard (`models.merge_hazard`) has added up to a threshold
+drawn beforehand; never into a vehicle. From then on it has the leader that is there, and the vehicle behind follows
+it. So time, place and gap of the merge and the places of all vehicles come from the same samples.
 """
 
 from collections.abc import Callable
@@ -30,9 +29,9 @@ from rampcast.scenes.scenes import FUTURE
 
 DEPTHS = (2, PLACES - 1)  # numbers of vehicles ahead on the ramp that programs are compiled for
 BLOCKS = (4, 16)  # rows likewise
+FEW = 32  # rows up to which small blocks are faster: they keep all processor cores busy
 MAY_MERGE = 3  # the central vehicle and the nearest ahead of it; those farther ahead stay on the ramp
 PLACES_OF_DRAWS = PLACES + TARGET_PLACES
-SYNCHRONISING = 0.0  # share of the deceleration for the leader in the target lane that a vehicle on the ramp takes
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,10 @@ class MergeRollOut:
     Attributes:
         roll_out: drivers, disturbance, heads and the limit, as for platoons.
         hazard: when vehicles on the ramp merge.
-        synchronising: share of the deceleration for the leader in the target lane that they take before.
     """
 
     roll_out: RollOut
     hazard: MergeHazard
-    synchronising: float = SYNCHRONISING
 
 
 class MergeSamples(NamedTuple):
@@ -139,10 +136,11 @@ def _driven(
             jnp.asarray(draws.noise[:, slots], jnp.float32),
             jnp.asarray(draws.threshold[: min(high + 1, MAY_MERGE)], jnp.float32),
             jnp.asarray(model.roll_out.prior.drivers, jnp.float32),
-            jnp.concatenate([numbers_of(model.roll_out), jnp.asarray([model.synchronising], jnp.float32)]),
+            numbers_of(model.roll_out),
             jnp.asarray([*hazard.weights, hazard.constant, hazard.first, hazard.last], jnp.float32),
         )
-        parts.append(over_blocks(program, (rate[rows].astype(np.float32), *states), sizes=BLOCKS))
+        sizes = BLOCKS[:1] if len(rows) <= FEW else BLOCKS
+        parts.append(over_blocks(program, (rate[rows].astype(np.float32), *states), sizes=sizes))
         order.append(rows)
     back = np.argsort(np.concatenate(order), kind="stable")
     return tuple(np.concatenate(values)[back] for values in zip(*parts, strict=True))
@@ -175,7 +173,7 @@ def _states(
     present = np.concatenate([lane.present for lane in lanes], axis=1)[:, slots]
     x = np.concatenate([lane.x[:, :, -1] - origin for lane in lanes], axis=1)[:, slots]
     v = np.concatenate([np.maximum(lane.v[:, :, -1], 0.0) for lane in lanes], axis=1)[:, slots]
-    length = np.concatenate([known_lengths(lane) for lane in lanes], axis=1)[:, slots]
+    length = np.concatenate([_lengths(lane) for lane in lanes], axis=1)[:, slots]
     weights, residual = zip(*(_drivers(model, lane) for lane in lanes), strict=True)
     around = np.concatenate([_mean_speeds(lane) for lane in lanes], axis=1)
     numbers = (
@@ -192,6 +190,14 @@ def _states(
     )
     drivers = drawn_drivers(np.concatenate(weights, axis=1)[:, slots], order)
     return (*(values.astype(np.float32) for values in numbers), present, drivers)
+
+
+def _lengths(lane: Platoons) -> Float[np.ndarray, "scene place"]:
+    """Returns the lengths [m]; of vehicles that overlap the one behind at t = 0 (noise), no more than there is room."""
+    length = known_lengths(lane)
+    room = np.diff(lane.x[:, :, -1], axis=1)
+    behind = np.where(np.isfinite(room), np.maximum(room, 0.0), np.inf)
+    return np.column_stack([length[:, :1], np.minimum(length[:, 1:], behind)])
 
 
 def _mean_speeds(lane: Platoons) -> Float[np.ndarray, "scene place"]:

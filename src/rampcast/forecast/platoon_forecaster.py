@@ -4,20 +4,24 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Float, Shaped
+from scipy.ndimage import uniform_filter1d
 
-from rampcast.forecast.platoon_roll_out import RollOut, Samples, fit_roll_out, sample_platoons
+from rampcast.forecast.platoon_roll_out import FAR, RollOut, Samples, fit_roll_out, sample_platoons
 from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction, over_time
 from rampcast.models.drivers import posteriors
 from rampcast.models.folds import time_folds
 from rampcast.models.platoon_features import features, regimes
 from rampcast.models.pooled_driver import roll_chain
 from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import HISTORY, PLACES, Platoons, known_lengths
+from rampcast.scenes.platoons import HISTORY, PLACES, Platoons
 from rampcast.scenes.scenes import FUTURE
 
 SPREAD = (0.1, 0.9)  # quantiles of the samples whose distance is their spread
 CHUNK = 512  # platoons at a time: a few arrays of 100 samples of them are 100 MB
 CORRECTION = CorrectionSpec()
+ANCHORS = np.array([4, 24, 49, 74, 94])  # of `LEVELS`: 5, 25, 50, 75 and 95 %
+SMOOTHING = 5  # steps over which moves are averaged: what a hundred samples' quantiles jump by is no acceleration
+SAME = 0.02  # [m] by which samples are drawn apart that lie in one place, as those of a standing vehicle do
 MIDDLE = len(LEVELS) // 2  # of the levels: the median
 
 
@@ -106,10 +110,7 @@ class PlatoonForecaster:
         quantiles = over_time(self.correction.quantiles(rolled), np.median(samples.x, axis=1))
         limit = np.maximum(self.roll_out.limit, np.where(platoons.valid[:, 0], platoons.v[:, 0], 0.0).max(axis=1))
         x = mapped(samples.x, quantiles, limit)
-        room = np.where(platoons.present[:, 1], known_lengths(platoons)[:, 1], 0.0)[:, None, None]
-        now = np.where(platoons.present[:, 1], platoons.x[:, 1, -1] - platoons.x[:, 0, -1], np.inf)[:, None, None]
-        leader_x = np.maximum(samples.leader_x, x + np.minimum(room, np.maximum(now, 0.0)))
-        return PlatoonForecast(x, leader_x, x.mean(axis=1), quantiles)
+        return PlatoonForecast(x, moved_along(samples.leader_x, x - samples.x), x.mean(axis=1), quantiles)
 
 
 def fit_platoon_forecaster(
@@ -164,20 +165,37 @@ def _rolled(model: PlatoonForecaster, platoons: Platoons, samples: Samples) -> R
     )
 
 
+def moved_along(
+    others: Float[np.ndarray, "platoon sample step"], shift: Float[np.ndarray, "platoon sample step"]
+) -> Float[np.ndarray, "platoon sample step"]:
+    """Returns the places of leaders or followers moved with the vehicle [m], so that gaps and relative speeds stay."""
+    return np.where(np.abs(others) < FAR / 2.0, others + shift, others)
+
+
 def mapped(
     samples: Float[np.ndarray, "platoon sample step"],
     quantiles: Float[np.ndarray, "platoon step level"],
     limit: Float[np.ndarray, "platoon"],
 ) -> Float[np.ndarray, "platoon sample step"]:
-    """Returns the samples, each moved to the quantile of its rank as far as speeds stay from 0 to the limit."""
+    """Returns the samples moved so that their quantiles are the given ones, as far as speeds stay from 0 to the limit.
+
+    Between a few quantiles all move alike, beyond the outermost they are shifted, and moves are averaged over 1 s: so a
+    sample's speed stays about as smooth as it was.
+    """
+    apart = samples + SAME * (np.arange(samples.shape[1], dtype=np.float32)[:, None] + 0.5) / samples.shape[1]
+    ordered = np.sort(apart, axis=1)
     count = samples.shape[1]
-    rank = samples.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
-    at = np.clip((np.arange(count) + 0.5) / count, LEVELS[0], LEVELS[-1])
-    position = (at - LEVELS[0]) / (LEVELS[1] - LEVELS[0])
-    left = np.minimum(position.astype(int), len(LEVELS) - 2)
-    share = position - left
-    ordered = (quantiles[:, :, left] * (1.0 - share) + quantiles[:, :, left + 1] * share).astype(np.float32)
-    moved = np.take_along_axis(ordered.swapaxes(1, 2), rank, axis=1)
+    place = LEVELS[ANCHORS] * count - 0.5
+    left = np.clip(place.astype(int), 0, count - 2)
+    share = np.clip(place - left, 0.0, 1.0)[:, None].astype(np.float32)
+    own = ordered[:, left] * (1.0 - share) + ordered[:, left + 1] * share
+    wanted = quantiles[:, :, ANCHORS].swapaxes(1, 2).astype(np.float32)
+    moved = wanted[:, :1] + np.minimum(apart - own[:, :1], 0.0) + np.maximum(apart - own[:, -1:], 0.0)
+    for low in range(len(ANCHORS) - 1):
+        width = np.maximum(own[:, low + 1] - own[:, low], SAME / count)[:, None]
+        part = np.clip((apart - own[:, low, None]) / width, 0.0, 1.0)
+        moved += part * (wanted[:, low + 1] - wanted[:, low])[:, None]
+    moved = samples + uniform_filter1d(moved - samples, SMOOTHING, axis=2, mode="nearest")
     farthest = (limit[:, None] * STEP).astype(np.float32)
     before = np.zeros_like(moved[:, :, 0])
     for step in range(moved.shape[2]):

@@ -18,6 +18,7 @@ from rampcast.forecast.platoon_forecaster import (
     PlatoonForecasterSpec,
     fit_platoon_forecaster,
     mapped,
+    moved_along,
 )
 from rampcast.forecast.platoon_roll_out import FAR, fit_roll_out
 from rampcast.models.correction import KNOTS, LEVELS, Correction, Rolled, fit_correction, over_time
@@ -102,7 +103,8 @@ class SceneForecast:
     @property
     def median_time(self) -> Float[np.ndarray, "scene"]:
         """Returns the time by which it has as likely merged as not [s]; 15 s where that is not before."""
-        return STEP * np.minimum(np.median(self.merge_step + 0.5, axis=1), FUTURE)
+        middle = np.sort(self.merge_step, axis=1)[:, (self.merge_step.shape[1] - 1) // 2]
+        return STEP * np.minimum(middle + 0.5, FUTURE)
 
     @property
     def p_gap(self) -> Float[np.ndarray, "scene gap"]:
@@ -367,14 +369,14 @@ def _forecast(
     quantiles: Float[np.ndarray, "scene step level"],
     limit: Float[np.ndarray, "scene"],
 ) -> SceneForecast:
-    """Returns the samples moved to the quantiles; leaders and followers make room where they must."""
+    """Returns the samples moved to the quantiles, leaders and followers along with them."""
     x = mapped(drawn.x, quantiles, limit)
-    length = known_lengths(scenes.own)[:, 0]
+    shift = x - drawn.x
     return SceneForecast(
         samples=x,
-        leader_rear=np.maximum(drawn.leader_rear, x),
-        follower_front=np.minimum(drawn.follower_front, x - length[:, None, None].astype(np.float32)),
-        length=length,
+        leader_rear=moved_along(drawn.leader_rear, shift),
+        follower_front=moved_along(drawn.follower_front, shift),
+        length=known_lengths(scenes.own)[:, 0],
         merge_step=drawn.merge_step,
         gap=drawn.gap,
         chance=drawn.chance.astype(float),

@@ -146,7 +146,7 @@ def _merged_by(
     time = (MOMENTS + 1) * STEP + STEP / 100.0
     known = np.isfinite(change_time)[:, None] | (seen_for[:, None] >= time - STEP)
     merged = np.where(np.isfinite(change_time)[:, None], change_time[:, None] <= time, False)
-    last = np.clip((seen_for / STEP).astype(np.int64) - 1, 0, FUTURE - 1)
+    last = np.clip((seen_for / STEP + 1e-6).astype(np.int64) - 1, 0, FUTURE - 1)
     by_then = np.take_along_axis(rolled, last[:, None], axis=1)
     later = np.clip((rolled[:, MOMENTS] - by_then) / np.maximum(1.0 - by_then, SURE), 0.0, 1.0)
     return np.where(known, merged, later)

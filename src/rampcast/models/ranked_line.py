@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm
+from scipy.special import ndtri
 
 RANKS = np.linspace(0.01, 0.99, 50)  # quantiles of a column that are kept
 SHRINKAGE = 300.0  # of the weights, as if so many rows more had shown no effect of any column
@@ -51,11 +51,11 @@ def _normal(
     table: Float[np.ndarray, "row column"], quantiles: Float[np.ndarray, "rank column"]
 ) -> Float[np.ndarray, "row column"]:
     """Returns normal scores; in the middle of its ranks where a value is several quantiles at once."""
-    scores = np.empty(table.shape)
+    ranks = np.empty(table.shape)
     for number, (values, known) in enumerate(zip(table.T, quantiles.T, strict=True)):
         first, last = np.interp(values, known, RANKS), 1.0 - np.interp(-values, -known[::-1], RANKS)
-        scores[:, number] = norm.ppf((first + last) / 2.0)
-    return scores
+        ranks[:, number] = (first + last) / 2.0
+    return ndtri(ranks)
 
 
 def _beyond(

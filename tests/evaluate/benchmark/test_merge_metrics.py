@@ -121,6 +121,14 @@ def test_who_was_lost_is_stood_for_by_those_seen_for_longer():
     assert terms.mean() == pytest.approx((0.01 + 1.5 * 0.16 + 1.5 * 0.04) / 4)
 
 
+def test_who_merges_when_another_is_lost_was_not_there_to_be_lost():
+    """One of four merges at 2 s and one is lost then: of the two others and the lost one a third was lost."""
+    time, ended = np.array([2.0, 2.0, 3.0, 4.0]), np.array([True, False, True, True])
+    _, weight = known_outcomes(2.5, time, ended)
+    np.testing.assert_allclose(weight, [1.0, 0.0, 1.5, 1.5])
+    assert weight.mean() == pytest.approx(1.0)
+
+
 def test_the_brier_score_of_the_share_itself_is_its_variance():
     time = np.arange(1.0, 11.0)
     changed, weight = known_outcomes(3.0, time, np.full(10, True))

@@ -98,7 +98,8 @@ def known_outcomes(
         time: see the module.
         ended: likewise.
     """
-    seen = kaplan_meier(time, ~ended)
+    # who changes lane is not lost sight of at the same time: of the two the change is first
+    seen = kaplan_meier(time - np.where(ended, 2.0 * SAME_TIME, 0.0), ~ended)
     changed = ended & (time <= at + SAME_TIME)
     still = time > at + SAME_TIME
     share = np.where(changed, seen.before(time), seen.at(np.full(len(time), at)))

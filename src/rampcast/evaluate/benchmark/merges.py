@@ -113,7 +113,7 @@ MERGE_MODELS: dict[str, MergeFit] = {
     "forests_natural": partial(forest_sets, mode=Mode.CORRECTED),
     "rampcast": scene_forecaster,
 }
-CROSS_FITTED = frozenset({"forests", "forests_natural"})  # they know their training cases by heart
+CROSS_FITTED = frozenset({"forests", "forests_natural", "rampcast"})  # they know their training cases by heart
 MERGE_REFERENCE = "kaplan_meier"  # to which the errors of times are compared
 BASE_RATE = "base_rate"  # to which Brier scores are compared
 
