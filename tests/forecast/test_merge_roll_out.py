@@ -48,6 +48,20 @@ def test_nobody_overlaps_reverses_or_exceeds_the_limit(found):
     assert found.x.std(axis=1)[:, -1].min() > 0.1  # samples differ
 
 
+@pytest.mark.parametrize("absent", [(0,), (0, 1)])
+def test_vehicles_absent_behind_hide_nobody_ahead(scenes, absent):
+    target = scenes.target
+    valid = target.valid.copy()
+    valid[:, list(absent)] = False
+    fewer = replace(target, valid=valid, **{name: np.where(valid, getattr(target, name), np.nan) for name in "xva"})
+    found = drawn(replace(scenes, target=fewer), ALWAYS)
+    ahead = target.x[:, BEHIND, -1] - scenes.own.x[:, 0, -1]  # l1: its leader now, unless one from the ramp is nearer
+    at_once = (found.merge_step == 0) & target.present[:, BEHIND, None]
+    assert at_once.any()
+    farther = found.leader_rear[:, :, 0] - (ahead - LENGTH)[:, None]
+    assert farther[at_once].max() < LIMIT * STEP
+
+
 def test_who_does_not_merge_stops_at_the_end_of_the_lane(scenes):
     never = replace(OFTEN, hazard=replace(OFTEN.hazard, constant=-40.0))
     found = drawn(scenes, never)
