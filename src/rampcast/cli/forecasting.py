@@ -45,8 +45,9 @@ def train(
 ) -> None:
     """Trains a forecaster: two neighbour LSTMs, 32 lane-change forests and, in corrected mode, the scene forecaster."""
     from rampcast.forecast.forecaster import fit_forecaster
-    from rampcast.forecast.storage import save
+    from rampcast.forecast.storage import check_replaceable, save
 
+    check_replaceable(out)
     with terminal.progress() as tell:
         recording = read_smoothed(recordings, site, skip_bad_rows, format, mapping)
         spec = training_spec(epochs, batch, stride, seed)
@@ -68,9 +69,10 @@ def forecast(
     skip_bad_rows: SkipBadRows = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
 ) -> None:
-    """Forecasts every on-ramp vehicle at every anchor time; writes forecast.parquet and lane_change.parquet.
+    """Forecasts every on-ramp vehicle at every anchor time: where it will be, when it will merge, and into which gap.
 
-    A model of corrected mode writes gap.parquet and conflicts.parquet too. The columns: docs/forecast_files.md.
+    Writes forecast.parquet and lane_change.parquet; a model of corrected mode gap.parquet and conflicts.parquet too.
+    The columns: docs/forecast_files.md.
     """
     from rampcast.forecast.storage import load
     from rampcast.recording.files import write_table
@@ -86,6 +88,9 @@ def forecast(
             "gap": result.gap_table(),
             "conflicts": result.conflict_table(),
         }
+        for name in tables:  # of another model, or an earlier run, they would be taken for this one's
+            (out / f"{name}.parquet").unlink(missing_ok=True)
+            (out / f"{name}.csv").unlink(missing_ok=True)
         tables = {name: table for name, table in tables.items() if table.height}
         written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
     terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")

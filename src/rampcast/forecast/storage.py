@@ -48,7 +48,7 @@ def save(forecaster: Forecaster, folder: Path) -> None:
         "data_hash": forecaster.data_hash,
         "window_hashes": forecaster.window_hashes,
     }
-    _check_replaceable(folder)
+    check_replaceable(folder)
     with write_whole_folder(folder) as partial:
         _describe(partial, mode=forecaster.mode, values=description)
         for lane in LANES:
@@ -82,8 +82,12 @@ def load(folder: Path) -> Forecaster:
         )
 
 
-def _check_replaceable(folder: Path) -> None:
-    """Refuses to replace a folder of other things."""
+def check_replaceable(folder: Path) -> None:
+    """Refuses to replace a folder of other things.
+
+    Raises:
+        ModelError: there is such a folder, or a file.
+    """
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file()):
         raise ModelError(f"{folder}: this is not a model folder and would be lost; name a new folder, or an empty one")
 

@@ -35,7 +35,7 @@ ARRIVAL = 0.6  # [s] about which a vehicle crosses the line that goes on as it m
 UNKNOWN_OFFSET = 1.8  # [m] half a lane: of a vehicle whose place in its lane is not known, or in its middle
 FEATURES = 19
 STRENGTH = 0.1  # inverse of the ridge penalty on scaled weights
-LEAST_EVENTS = 10  # of fewer merges nothing is learned
+LEAST_EVENTS = 10  # of fewer merges nothing is learned but how often they are
 RARE = -6.0  # logit of a hazard of which nothing is known: a merge in 80 s
 MARGIN = 5.0  # [m] upstream of the first merge of the training vehicles, and downstream of the last
 
@@ -173,7 +173,7 @@ def fit_merge_hazard(
     """
     at_risk, event = person_periods(change_time, seen_for, steps=features.shape[2])
     if event.sum() < LEAST_EVENTS:
-        return MergeHazard(NEVER.weights, RARE, *zone)
+        return MergeHazard(NEVER.weights, _usual(int(event.sum()), int(at_risk.sum())), *zone)
     samples = features.shape[1]
     rows = np.broadcast_to(at_risk[:, None], features.shape[:3])
     rows = rows if may is None else rows & (may | event[:, None])
@@ -185,6 +185,11 @@ def fit_merge_hazard(
     )
     weights = fit.coef_[0] / scale
     return MergeHazard(weights, float(fit.intercept_[0] - weights @ middle), *zone)
+
+
+def _usual(merges: int, periods: int) -> float:
+    """Returns the logit of merges a step; of none, that of `RARE`."""
+    return float(np.log(merges / max(periods - merges, 1))) if merges else RARE
 
 
 def person_periods(
