@@ -14,11 +14,11 @@ import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
 
 from measure import once, peak_memory, seconds
-from rampcast.forecast.roll_out import follow
-from rampcast.models.calibration import calibrate
-from rampcast.physics.laws import LAWS
-from rampcast.physics.mode import Mode
-from rampcast.scenes import FUTURE, PAST, STEP
+from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.paper.algorithm_1 import follow
+from rampcast.paper.calibration.calibration import calibrate
+from rampcast.paper.laws.laws import LAWS
+from rampcast.paper.laws.mode import Mode
 
 DRIVERS, PLAIN_FITS = 20_000, 40
 SCENES, PLAIN_SCENES = 10_000, 200

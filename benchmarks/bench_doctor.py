@@ -12,8 +12,8 @@ from pathlib import Path
 import polars as pl
 
 from measure import once, peak_memory
-from rampcast.evaluate.doctor import CHECKS, examine
-from rampcast.evaluate.doctor.subject import subject_of
+from rampcast.doctor import CHECKS, examine
+from rampcast.doctor.subject import subject_of
 from rampcast.formats import read_any
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
 from rampcast.simulate import shipped_sample

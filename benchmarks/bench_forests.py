@@ -14,10 +14,10 @@ from sklearn.ensemble import RandomForestClassifier
 
 from measure import peak_memory, seconds
 from rampcast.models.forest_arrays import pack
-from rampcast.models.forest_sets import KINDS, TIMES, Anchors, Reading, Sampling, sample_set
-from rampcast.models.forests import SPECS, fit
-from rampcast.physics.mode import Mode
-from rampcast.scenes.features import FEATURE_NAMES
+from rampcast.paper.lane_change.features import FEATURE_NAMES
+from rampcast.paper.lane_change.forests import SPECS, fit
+from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, Sampling, sample_set
+from rampcast.paper.laws.mode import Mode
 
 VEHICLES = 256  # I-80, windows 1 and 3: 117 + 139 on-ramp vehicles seen for more than 19 s
 ANCHORS = 75  # each vehicle 0.2 s apart over 15 s

@@ -370,7 +370,7 @@ def run(way: str, name: str, paths: list[Path], *, rows: int = ROWS) -> Any:
 def measure(way: str, name: str, paths: list[Path]) -> None:
     """Prints rows, seconds and peak memory of one way as json; imports are not counted in the time."""
     from rampcast.formats import read_all
-    from rampcast.recording.sites import site_from_dict
+    from rampcast.sites.site import site_from_dict
 
     values = CASES[name].site
     site = site_from_dict(dict(values)) if values else None

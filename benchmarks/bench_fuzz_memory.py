@@ -30,7 +30,7 @@ sys.path.insert(0, str(PROJECT))
 from tests.formats.samples import SITE, samples  # noqa: E402
 from tests.formats.writers import WRITERS  # noqa: E402
 
-from rampcast.formats.sources import MOST_PACKED, SMALL  # noqa: E402
+from rampcast.formats.files.sources import MOST_PACKED, SMALL  # noqa: E402
 from rampcast.recording import Recording, write_recording  # noqa: E402
 from rampcast.recording import columns as c  # noqa: E402
 

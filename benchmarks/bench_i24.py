@@ -49,7 +49,7 @@ def main() -> None:
 
 def convert(path: Path) -> None:
     """Prints rows, seconds, peak memory and size of the recordings as json; imports are not counted in the time."""
-    from rampcast.formats.i24 import convert_i24
+    from rampcast.formats.readers.i24.v1 import convert_i24
 
     start, start_cpu = time.perf_counter(), time.process_time()
     written, report = convert_i24([path], path.with_name("i24.parquet"))

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 
 from measure import once, peak_memory, seconds
-from rampcast.models.lstm import LstmSpec, NeighbourLstm, fit_lstm
-from rampcast.physics.mode import Mode
-from rampcast.scenes import FUTURE
+from rampcast.horizon import FUTURE
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
 
 WINDOWS, VEHICLES, PLAIN = 6400, 1024, 4
 

@@ -12,13 +12,13 @@ import numpy as np
 from measure import once, seconds
 from rampcast.forecast.merge_roll_out import MergeRollOut, sample_merges
 from rampcast.forecast.platoon_roll_out import RollOut
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior
-from rampcast.models.merge_hazard import FEATURES, MergeHazard
+from rampcast.models.merging import FEATURES, MergeHazard
 from rampcast.models.platoon_head import Head
-from rampcast.scenes.merge_scenes import BEHIND, TARGET_PLACES, MergeScenes
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES, MergeScenes
+from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
 SCENES, SAMPLES, DRIVERS = 1_000, 100, 64
 ON_RAMP, AT_ONCE = 20, 200  # vehicles and samples of the frame that is to be forecast within 100 ms

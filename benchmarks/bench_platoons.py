@@ -8,11 +8,11 @@ import numpy as np
 
 from measure import seconds
 from rampcast.forecast.platoon_roll_out import RollOut, sample_platoons
+from rampcast.horizon import STEP
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior, posterior
 from rampcast.models.platoon_head import Head
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
-from rampcast.scenes.scenes import STEP
+from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
 VEHICLES, PLATOONS, SAMPLES, DRIVERS = 10_000, 1_000, 100, 64
 CENTRE = np.array([2.0, 1.2, 1.0, 2.0, 20.0, 4.0])

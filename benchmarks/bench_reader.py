@@ -92,7 +92,8 @@ def read_portal(folder: Path) -> None:
 def convert(paths: list[Path], folder: Path) -> None:
     """Reads NGSIM files of I-80 and writes a recording."""
     from rampcast.formats import read_ngsim
-    from rampcast.recording import load_site, write_recording
+    from rampcast.recording import write_recording
+    from rampcast.sites import load_site
 
     recording, _ = read_ngsim(paths, site=load_site("i80"))
     write_recording(recording, folder / "recording.parquet")
@@ -143,8 +144,9 @@ def made_up_recording(rows: int):  # type: ignore[no-untyped-def]  # its type is
     """Returns a recording of about so many rows: vehicles at a steady speed with a little noise."""
     import polars as pl
 
-    from rampcast.recording import Recording, load_site
+    from rampcast.recording import Recording
     from rampcast.recording import columns as c
+    from rampcast.sites import load_site
 
     site = load_site("i80")
     vehicles = max(1, rows // FRAMES_PER_VEHICLE // 3)

@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 
 from measure import once, peak_memory, seconds
 from rampcast.recording import Recording, clean, concatenate, read_recording
-from rampcast.recording.reference import along_road, in_plane, reference_line
 from rampcast.recording.smoothing import ORDER, WINDOW, smooth_tracks
-from rampcast.scenes import find_neighbours
+from rampcast.roads.reference import along_road, in_plane, reference_line
 from rampcast.simulate import shipped_sample
+from rampcast.traffic import find_neighbours
 
 SAMPLES, TRACK = 4_500_000, 750  # as many rows as I-80 has, in tracks of its mean length
 SLICE = 300  # rows that the loop over frames does

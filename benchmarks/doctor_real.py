@@ -10,10 +10,10 @@ import os
 import time
 from pathlib import Path
 
+from rampcast.doctor import Diagnosis, Finding, examine
+from rampcast.doctor.page import write_diagnoses
 from rampcast.errors import RampcastError
-from rampcast.evaluate.doctor import Diagnosis, Finding, examine
 from rampcast.formats import BadRows, read_all
-from rampcast.report.doctor import write_diagnoses
 
 MAPPINGS = Path(__file__).parents[1] / "docs" / "mappings"
 

@@ -10,13 +10,14 @@ from dataclasses import fields, replace
 import numpy as np
 import polars as pl
 
-from rampcast.evaluate.longitudinal import central_errors
-from rampcast.forecast.longitudinal import MODELS, Inputs, calibrate_scenes
-from rampcast.forecast.neighbours import continue_at_constant_speed
-from rampcast.physics.laws import LAWS
-from rampcast.physics.mode import Mode
+from rampcast.horizon import FUTURE, STEP
+from rampcast.paper.errors import central_errors
+from rampcast.paper.laws.laws import LAWS
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.predict import continue_at_constant_speed
+from rampcast.paper.position_models import MODELS, Inputs, calibrate_scenes
+from rampcast.paper.scenes import Scenes, build_scenes
 from rampcast.recording import Recording, clean, read_recording
-from rampcast.scenes import FUTURE, STEP, Scenes, build_scenes
 from rampcast.simulate import shipped_sample
 
 EVERY = 20.0  # [s] between the anchors

@@ -19,14 +19,14 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-from rampcast.evaluate.longitudinal import position_errors
-from rampcast.evaluate.parameters import outcome_table, parameter_table
-from rampcast.forecast.roll_out import follow
-from rampcast.models.calibration import calibrate
-from rampcast.physics.laws import LAWS
-from rampcast.physics.mode import Mode
+from rampcast.evaluate.positions import position_errors
+from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.paper.algorithm_1 import follow
+from rampcast.paper.calibration.calibration import calibrate
+from rampcast.paper.laws.laws import LAWS
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.parameters import outcome_table, parameter_table
 from rampcast.recording.smoothing import ORDER, WINDOW
-from rampcast.scenes import FUTURE, PAST, STEP
 
 HORIZONS = (5.0, 8.0, 10.0, 15.0)
 TRAINING_WINDOWS = (1, 3)

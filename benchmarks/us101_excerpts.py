@@ -13,16 +13,17 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.evaluate.lane_change import lane_change_table
-from rampcast.evaluate.longitudinal import central_errors, model_labels, neighbour_errors
-from rampcast.forecast.forecaster import TrainingSpec, fit_forecaster
-from rampcast.forecast.neighbours import NeighbourForecast
 from rampcast.formats import read_any
-from rampcast.models.forest_sets import Reading, lane_change_anchors
-from rampcast.models.lstm import LstmSpec
-from rampcast.physics.mode import Mode
-from rampcast.recording import Recording, clean, load_site
-from rampcast.scenes import Scenes, build_scenes
+from rampcast.paper.errors import central_errors, model_labels, neighbour_errors
+from rampcast.paper.framework import TrainingSpec, fit_forecaster
+from rampcast.paper.lane_change.scores import lane_change_table
+from rampcast.paper.lane_change.sets import Reading, lane_change_anchors
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec
+from rampcast.paper.neighbours.predict import NeighbourForecast
+from rampcast.paper.scenes import Scenes, build_scenes
+from rampcast.recording import Recording, clean
+from rampcast.sites import load_site
 
 IDS_PER_EXCERPT = 1000  # Vehicle_ID = excerpt * 1000 + n
 EVERY = 0.2  # [s] the excerpts are short: every step of the ramp lane is an anchor

@@ -17,12 +17,16 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.evaluate import evaluate, scene_tracks
-from rampcast.forecast import LstmSpec, Mode, TrainingSpec, fit_forecaster, load, save
 from rampcast.formats import read_any
+from rampcast.paper.examples import scene_tracks
+from rampcast.paper.framework import TrainingSpec, fit_forecaster
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec
+from rampcast.paper.protocol import evaluate
+from rampcast.paper.scenes import build_scenes
+from rampcast.paper.storage import load, save
+from rampcast.plots.tracks import plot_forecast
 from rampcast.recording import clean
-from rampcast.report import plot_forecast
-from rampcast.scenes import build_scenes
 from rampcast.simulate import shipped_sample
 
 pl.Config(tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True, tbl_rows=16, tbl_cols=12)

@@ -3,10 +3,12 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rampcast.models.forest_sets import Anchors, Reading
-from rampcast.recording import Lane, Site
-from rampcast.scenes.features import FEATURE_NAMES
-from rampcast.scenes.scenes import CENTRAL, FUTURE, PAST, SLOTS, STEP, A, E, Scenes, U, V, X, Y
+from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.paper.lane_change.features import FEATURE_NAMES
+from rampcast.paper.lane_change.sets import Anchors, Reading
+from rampcast.paper.scenes.scenes import CENTRAL, SLOTS, Scenes
+from rampcast.sites import Lane, Site
+from rampcast.traffic.anchors import A, E, U, V, X, Y
 
 TEST_SITE = Site(
     name="test",

@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from rampcast.cli import app
-from rampcast.report.errata import ERRATA
+from rampcast.cli.app import app
+from rampcast.paper.report.errata import ERRATA
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -12,7 +12,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo, CommandInfo
 
-from rampcast.cli import app
+from rampcast.cli.app import app
 
 PAGE = Path(__file__).parents[1] / "cli.md"
 KINDS = {Path: "path", float: "number", int: "whole number", str: "text"}

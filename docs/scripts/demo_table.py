@@ -11,7 +11,7 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.evaluate.longitudinal import model_labels
+from rampcast.paper.errors import model_labels
 
 ROOT = Path(__file__).parents[2]
 HORIZONS = (1, 3, 5, 8, 10, 15)  # [s]

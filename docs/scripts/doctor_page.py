@@ -10,11 +10,12 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.evaluate.doctor import CHECKS, Check, Diagnosis, examine
+from rampcast.doctor import CHECKS, Check, Diagnosis, examine
+from rampcast.doctor import figures as doctor_figures
 from rampcast.formats import read_any
+from rampcast.plots import style
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.report import doctor_figures, style
 from rampcast.simulate import shipped_sample
 
 DOCS = Path(__file__).parents[1]

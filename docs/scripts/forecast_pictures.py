@@ -19,20 +19,20 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 
-from rampcast.evaluate.benchmark import Cases, Forecasts, MergeForecasts, Training, case_table, merge_case_table
-from rampcast.evaluate.benchmark.cases import joined, make_cases, names, regular_anchors, smoothed_runs
-from rampcast.evaluate.benchmark.merge_sets import simulated
-from rampcast.evaluate.benchmark.merges import base_rate
-from rampcast.evaluate.benchmark.models import LEVELS, constant_velocity
-from rampcast.evaluate.benchmark.reliability import typical_merges, with_merges
+from rampcast.benchmark import Cases, Forecasts, MergeForecasts, Training, case_table, merge_case_table
+from rampcast.benchmark.cases import joined, make_cases, names, regular_anchors, smoothed_runs
+from rampcast.benchmark.merge_sets import simulated
+from rampcast.benchmark.merges import base_rate
+from rampcast.benchmark.models import LEVELS, constant_velocity
+from rampcast.benchmark.pictures import benchmark_pictures, read_benchmark, save_pictures
+from rampcast.benchmark.reliability import typical_merges, with_merges
 from rampcast.forecast.scene_forecaster import SceneForecast
+from rampcast.horizon import FUTURE, STEP
+from rampcast.plots.forecast_pictures import arriving_wave, forecast_fan, merge_densities
+from rampcast.plots.style import figure_of
 from rampcast.recording import read_recording
-from rampcast.report.benchmark_pictures import benchmark_pictures, read_benchmark, save_pictures
-from rampcast.report.forecast_pictures import arriving_wave, forecast_fan, merge_densities
-from rampcast.report.style import figure_of
-from rampcast.scenes.platoons import HISTORY, Tracks, chain_ahead, tracks_of_recording
-from rampcast.scenes.scenes import FUTURE, STEP
 from rampcast.simulate import shipped_sample
+from rampcast.traffic.platoons import HISTORY, Tracks, chain_ahead, tracks_of_recording
 
 DOCS = Path(__file__).parents[1]
 IMAGES, PAGE = DOCS / "images", DOCS / "limits.md"

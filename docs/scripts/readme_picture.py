@@ -13,14 +13,16 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.evaluate import scene_tracks
-from rampcast.forecast import Forecast, load
 from rampcast.formats import read_any
+from rampcast.paper.examples import scene_tracks
+from rampcast.paper.result import Forecast
+from rampcast.paper.scenes import Scenes, build_scenes
+from rampcast.paper.scenes.scenes import CENTRAL
+from rampcast.paper.storage import load
+from rampcast.plots.tracks import plot_forecast
 from rampcast.recording import clean
-from rampcast.report import plot_forecast
-from rampcast.scenes import Scenes, build_scenes
-from rampcast.scenes.scenes import CENTRAL, X
 from rampcast.simulate import shipped_sample
+from rampcast.traffic.anchors import X
 
 PICTURE = Path(__file__).parents[1] / "images" / "forecast.png"
 WINDOW = "simulated-2"  # the demo trains on the two others

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast import terminal
+from rampcast.cli import show as terminal
 from rampcast.formats import ReadReport, read_any
-from rampcast.formats.on_roads import on_roads
-from rampcast.formats.plane import PLANE_SCHEMA, PX, PY, Plane
+from rampcast.plots.site_picture import site_picture
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.ramps import RampValues, with_ramp
-from rampcast.recording.reference import in_plane, reference_line
-from rampcast.report import site_picture
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, Plane
+from rampcast.roads.project import on_roads
+from rampcast.roads.ramp import RampValues, with_ramp
+from rampcast.roads.reference import in_plane, reference_line
 from rampcast.simulate import shipped_sample
 
 IMAGES = Path(__file__).parents[1] / "images"

@@ -18,8 +18,9 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from rampcast.recording import load_site, read_recording
+from rampcast.recording import read_recording
 from rampcast.simulate import shipped_sample
+from rampcast.sites import load_site
 
 PROJECT = Path(__file__).parents[2]
 PICTURE = PROJECT / "docs" / "images" / "space_time.png"

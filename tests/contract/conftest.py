@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from rampcast.forecast.forecaster import Forecaster, TrainingSpec, fit_forecaster
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
-from rampcast.models.lstm import LstmSpec
-from rampcast.physics.mode import Mode
+from rampcast.paper.framework import Forecaster, TrainingSpec, fit_forecaster
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec
+from rampcast.paper.scenes import Scenes, build_scenes
 from rampcast.recording import clean, concatenate
-from rampcast.scenes import Scenes, build_scenes
-from tests.traffic import random_traffic
+from tests.made_up_traffic import random_traffic
 
 SMALL = TrainingSpec(
     lstm=LstmSpec(units=6, epochs=1, batch=64),

@@ -8,10 +8,10 @@ import pytest
 
 from rampcast.errors import RampcastError
 from rampcast.formats import FORMATS, BadRows, read_any
-from rampcast.formats.head import look
+from rampcast.formats.files.head import look
+from rampcast.paper.scenes import build_scenes
 from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
-from rampcast.scenes import build_scenes
 from rampcast.simulate import shipped_sample
 from tests.formats.writers import WRITERS
 

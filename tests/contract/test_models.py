@@ -7,11 +7,11 @@ import polars as pl
 import pytest
 
 from rampcast.errors import ModelError
-from rampcast.forecast.longitudinal import MODELS, models_of
-from rampcast.forecast.result import lane_change_at_seconds
-from rampcast.physics.mode import Mode
-from rampcast.scenes import FUTURE
-from rampcast.scenes.scenes import X
+from rampcast.horizon import FUTURE
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.position_models import MODELS, models_of
+from rampcast.paper.result import lane_change_at_seconds
+from rampcast.traffic.anchors import X
 
 
 def assert_same(one, other, *, atol=1e-9):

@@ -8,8 +8,8 @@ import pytest
 
 from rampcast.download import Patience
 from tests.download.local_portal import LocalPortal, serving
+from tests.made_up_traffic import random_traffic
 from tests.ngsim_writer import write_ngsim_txt, write_portal_csv
-from tests.traffic import random_traffic
 
 SHORT = Patience(connect=1.0, silence=0.3, attempts=3, pause=0.01, longest_pause=0.05)
 

@@ -8,7 +8,7 @@ import pytest
 from rampcast.download import CATALOGUE, data_set
 from rampcast.errors import DownloadError
 from rampcast.formats import FORMATS
-from rampcast.recording import load_site
+from rampcast.sites import load_site
 
 DOCS = Path(__file__).parents[2] / "docs"
 OPEN = [entry for entry in CATALOGUE.values() if not entry.ask]

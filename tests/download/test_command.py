@@ -10,7 +10,8 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from rampcast.cli import app, main
+from rampcast.cli import main
+from rampcast.cli.app import app
 from rampcast.download import CATALOGUE
 from rampcast.errors import DownloadError
 from tests.download.local_portal import stalls

@@ -8,7 +8,7 @@ import httpx
 import polars as pl
 import pytest
 
-from rampcast import terminal
+from rampcast.cli import show as terminal
 from rampcast.download import Patience, download, kept
 from rampcast.download.transfer import read_text
 from rampcast.errors import DownloadError

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rampcast.scenes.merge_scenes import BEHIND, TARGET_PLACES, MergeScenes
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP
+from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES, MergeScenes
+from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
 LENGTH = 4.6  # [m]
 CHANCE = 0.06  # to merge in a step in which there is room

@@ -7,12 +7,12 @@ import pytest
 
 from rampcast.forecast.merge_roll_out import MergeRollOut, sample_merges, waiting_features
 from rampcast.forecast.platoon_roll_out import FAR, RollOut
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior
-from rampcast.models.merge_hazard import FEATURES, RARE, MergeHazard
+from rampcast.models.merging import FEATURES, RARE, MergeHazard
 from rampcast.models.platoon_head import Head
-from rampcast.scenes.merge_scenes import BEHIND, MergeScenes, nobody
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.traffic.merge_scenes import BEHIND, MergeScenes, nobody
 from tests.forecast.merges_made_up import LENGTH, merges
 
 CENTRE = np.array([2.0, 1.2, 1.0, 2.0, 20.0, 4.0])

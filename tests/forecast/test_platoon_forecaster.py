@@ -9,7 +9,7 @@ from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec, fit_plat
 from rampcast.forecast.platoon_roll_out import FAR, sample_platoons
 from rampcast.models.correction import CorrectionSpec
 from rampcast.models.pooled_driver import fit_pooled_driver, roll_chain
-from rampcast.scenes.platoons import known_lengths
+from rampcast.traffic.platoons import known_lengths
 from tests.models.platoons_made_up import drive
 
 SPEC = PlatoonForecasterSpec(samples=40, folds=3, correction=CorrectionSpec(trees=20))

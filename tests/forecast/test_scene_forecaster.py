@@ -9,9 +9,9 @@ from rampcast.forecast.merge_roll_out import MergeSamples
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.platoon_roll_out import FAR
 from rampcast.forecast.scene_forecaster import GAPS, fit_scene_forecaster, sample_quantiles
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import CorrectionSpec
-from rampcast.scenes.merge_scenes import without_target
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.traffic.merge_scenes import without_target
 from tests.forecast.merges_made_up import LENGTH, merges
 
 SPEC = PlatoonForecasterSpec(samples=20, folds=3, correction=CorrectionSpec(trees=10))

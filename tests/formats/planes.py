@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from rampcast.formats.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane
 from rampcast.recording import columns as c
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane
 
 TIME_STEP = 0.1  # [s]
 

@@ -6,9 +6,9 @@ from random import Random
 
 from rampcast.errors import RampcastError
 from rampcast.formats import FORMATS, BadRows, read_all
-from rampcast.formats.report import ReadReport
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.reading import ReadReport
 from tests.formats.damage import damaged
 from tests.formats.samples import Sample
 

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.recording import Lane, Recording, Site, load_site, write_recording
+from rampcast.recording import Recording, write_recording
 from rampcast.recording import columns as c
-from tests.formats import ngsim_rows, sumo_faults
+from rampcast.sites import Lane, Site, load_site
+from tests.formats import ngsim_rows
+from tests.formats.readers import sumo_faults
 from tests.formats.writers import WRITERS
 
 SITE = Site(

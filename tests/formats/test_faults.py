@@ -18,10 +18,10 @@ import pytest
 
 from rampcast.errors import RampcastError
 from rampcast.formats import FORMATS, read_all
-from rampcast.recording import Site, load_site
 from rampcast.recording import columns as c
 from rampcast.recording.recording import METADATA_KEY
-from tests.formats import (
+from rampcast.sites import Site, load_site
+from tests.formats.readers import (
     commonroad_faults,
     sumo_faults,
     test_citysim,

@@ -11,7 +11,7 @@ from rampcast.formats import read_any
 from rampcast.recording import Recording, concatenate
 from rampcast.recording import columns as c
 from tests import ngsim_writer
-from tests.traffic import random_traffic
+from tests.made_up_traffic import random_traffic
 
 PLACE = 0.001 * 0.3048 / 2 * 1.001  # [m] positions are written with three decimals of a foot
 SIZE = 0.1 * 0.3048 / 2 * 1.001  # [m] lengths and widths with one

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rampcast.scenes.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP
+from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
 DRIVER = (2.0, 1.3, 1.1, 1.8, 22.0, 4.0)
 LENGTH = 4.6  # [m]

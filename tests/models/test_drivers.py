@@ -8,7 +8,7 @@ import pytest
 from rampcast.models.disturbance import fit_disturbance, residual_now
 from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors
 from rampcast.models.platoon_head import KEPT, fit_head
-from rampcast.scenes.platoons import Platoons
+from rampcast.traffic.platoons import Platoons
 from tests.models.platoons_made_up import DRIVER, LENGTH, drive, idm
 
 HASTY, CALM = (1.5, 0.8, 2.0, 2.5, 22.0, 4.0), (3.0, 2.0, 0.8, 1.2, 22.0, 4.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rampcast.models.merge_features import merge_columns, merge_table, target_gaps, time_with_room
-from rampcast.scenes.merge_scenes import BEHIND
+from rampcast.traffic.merge_scenes import BEHIND
 from tests.forecast.merges_made_up import LENGTH, merges
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rampcast.horizon import FUTURE
 from rampcast.models.merge_forest import MOMENTS, _filled, _forest, _merged_by, _of_trees, fit_merge_forest, rate_of
-from rampcast.scenes.scenes import FUTURE
 
 TIME = 0.2 * np.arange(1, FUTURE + 1)
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rampcast.physics.floors import MINIMUM_GAP, MINIMUM_SPEED
 from rampcast.physics.idm import BOUNDS, FALLBACK, PUBLISHED, Parameters, acceleration, desired_gap, limits
+from rampcast.physics.minimums import MINIMUM_GAP, MINIMUM_SPEED
 
 # Table I of Treiber, Hennecke and Helbing 2000: s_0 = 2 m, T = 1.6 s, a = 0.73, b = 1.67 m/s^2, v_0 = 120 km/h.
 TREIBER = Parameters(2.0, 1.6, 0.73, 1.67, 120.0 / 3.6, 4.0)

@@ -8,10 +8,11 @@ import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError, SiteError
-from rampcast.recording import concatenate, load_site, read_recording, site_names, write_recording
-from rampcast.recording.files import write_whole, write_whole_folder
-from rampcast.recording.sites import SITE_FOLDER, site_from_dict, site_to_dict
-from tests.traffic import random_traffic
+from rampcast.files import write_whole, write_whole_folder
+from rampcast.recording import concatenate, read_recording, write_recording
+from rampcast.sites import load_site, site_names
+from rampcast.sites.site import SITE_FOLDER, site_from_dict, site_to_dict
+from tests.made_up_traffic import random_traffic
 
 
 def test_a_recording_written_and_read_is_the_same(tmp_path):

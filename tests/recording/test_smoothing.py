@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 from rampcast.errors import RecordingError
-from rampcast.recording import Recording, clean, load_site
+from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import ORDER, WINDOW, derivative, smooth_tracks
+from rampcast.sites import load_site
 
 SITE = load_site("i80")
 

@@ -5,9 +5,10 @@ import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError
-from rampcast.recording import Recording, load_site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate.realism import CELL_LENGTH, CELL_TIME, realism, space_time, wave_speed
+from rampcast.sites import load_site
 
 
 @pytest.mark.parametrize("speed", [3.0, 5.0, 7.0, -8.0])

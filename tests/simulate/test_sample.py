@@ -3,9 +3,10 @@
 import polars as pl
 import pytest
 
-from rampcast.recording import Recording, load_site, read_recording
+from rampcast.recording import Recording, read_recording
 from rampcast.recording import columns as c
 from rampcast.simulate import make_sample, realism, shipped_sample
+from rampcast.sites import load_site
 
 LARGEST = 8e6  # bytes of all files together
 REMADE_MINUTES = 0.5

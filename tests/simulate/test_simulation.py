@@ -6,11 +6,12 @@ import polars as pl
 import pytest
 
 from rampcast.errors import MissingExtra, RecordingError, SiteError
-from rampcast.recording import Recording, Site, load_site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.sites import site_from_dict, site_to_dict
 from rampcast.simulate import simulate
 from rampcast.simulate.network import full_width_end
+from rampcast.sites import Site, load_site
+from rampcast.sites.site import site_from_dict, site_to_dict
 
 SHORT = {"minutes": 0.2, "warm_up": 60.0, "seed": 5}
 

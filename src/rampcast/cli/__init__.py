@@ -2,8 +2,8 @@
 
 import sys
 
-from rampcast import terminal
 from rampcast.cli import data, forecasting
+from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.errors import RampcastError
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rampcast import terminal
+from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
     Files,
@@ -47,7 +47,7 @@ def inspect(
     ] = False,
 ) -> None:
     """Prints what is in a recording and how good it is, road by road."""
-    from rampcast.recording.quality import quality
+    from rampcast.doctor.summary import quality
 
     with terminal.progress("read and check"):
         recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)
@@ -123,8 +123,8 @@ def site(
     skip_bad_rows: SkipBadRows = False,
 ) -> None:
     """Writes a site file from a recording, with a picture to check it by eye; asks for the ramp if it is not given."""
-    from rampcast.recording.ramps import RampValues, without_ramp
-    from rampcast.recording.ramps import mirrored as turned
+    from rampcast.roads.ramp import RampValues, without_ramp
+    from rampcast.roads.ramp import mirrored as turned
 
     _check_site_name(out)
     values = RampValues(tuple(ramp_lane or ()), target_lane, gore, ramp_end, merge_zone)
@@ -156,7 +156,7 @@ def doctor(
     json: Annotated[bool, typer.Option("--json", help="Print json instead of tables.")] = False,
 ) -> None:
     """Says what is wrong with a recording, where, and what to do; exit code 1 if it would spoil a forecast."""
-    from rampcast.evaluate.doctor import examine_all, spoils
+    from rampcast.doctor import examine_all, spoils
 
     with terminal.progress("read and examine"):
         read = read_roads(files, site, True, format, mapping)
@@ -207,8 +207,9 @@ def simulate(
     noise: Annotated[float, typer.Option("--noise", min=0.0, help="Standard deviation of position noise \\[m].")] = 0.0,
 ) -> None:
     """Simulates a recording of a site with SUMO (needs [bold]pip install "rampcast\\[sumo]"[/])."""
-    from rampcast.recording import load_site, write_recording
+    from rampcast.recording import write_recording
     from rampcast.simulate import simulate as run
+    from rampcast.sites import load_site
 
     with terminal.progress() as tell:
         recording = run(
@@ -230,15 +231,15 @@ def _check_site_name(out: Path) -> None:
 
 def _write_draft(recording: "Recording", picture: Path) -> None:
     """Writes the picture of the drafted lanes, to choose that of the ramp by eye."""
-    from rampcast.report import write_site_picture
+    from rampcast.plots.site_picture import write_site_picture
 
     write_site_picture(recording, picture)
     terminal.note(f"wrote {picture}: the drafted lanes")
 
 
 def _write_site(recording: "Recording", out: Path, picture: Path) -> None:
-    from rampcast.recording import write_site
-    from rampcast.report import write_site_picture
+    from rampcast.plots.site_picture import write_site_picture
+    from rampcast.sites import write_site
 
     write_site(recording.site, out)
     write_site_picture(recording, picture)

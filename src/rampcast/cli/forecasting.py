@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rampcast import terminal
+from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
     Batch,
@@ -23,10 +23,10 @@ from rampcast.cli.options import (
     Stride,
 )
 from rampcast.cli.reading import bad_rows_of, named_site, read_smoothed, user_command
-from rampcast.physics.mode import Mode
+from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
-    from rampcast.forecast.forecaster import TrainingSpec
+    from rampcast.paper.framework import TrainingSpec
 
 
 @app.command(epilog="Example:\n\nrampcast train window1.parquet window3.parquet --out model --mode corrected")
@@ -44,8 +44,8 @@ def train(
     seed: Seed = 1,
 ) -> None:
     """Trains a forecaster: two neighbour LSTMs, 32 lane-change forests and, in corrected mode, the scene forecaster."""
-    from rampcast.forecast.forecaster import fit_forecaster
-    from rampcast.forecast.storage import check_replaceable, save
+    from rampcast.paper.framework import fit_forecaster
+    from rampcast.paper.storage import check_replaceable, save
 
     check_replaceable(out)
     with terminal.progress() as tell:
@@ -74,9 +74,9 @@ def forecast(
     Writes forecast.parquet and lane_change.parquet; a model of corrected mode gap.parquet and conflicts.parquet too.
     The columns: docs/forecast_files.md.
     """
-    from rampcast.forecast.storage import load
-    from rampcast.recording.files import write_table
-    from rampcast.scenes import build_scenes
+    from rampcast.files import write_table
+    from rampcast.paper.scenes import build_scenes
+    from rampcast.paper.storage import load
 
     with terminal.progress("forecast"):
         forecaster = load(model)
@@ -109,8 +109,8 @@ def evaluate(
     seed: Seed = 1,
 ) -> None:
     """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
-    from rampcast.forecast.storage import load
-    from rampcast.reproduce import score
+    from rampcast.paper.reproduce import score
+    from rampcast.paper.storage import load
 
     with terminal.progress("forecast and score"):
         forecaster = load(model)
@@ -135,8 +135,8 @@ def reproduce(
     skip_bad_rows: SkipBadRows = False,
 ) -> None:
     """Runs the paper's whole protocol in both modes beside the paper's values; resumes after an interruption."""
-    from rampcast.reproduce import Protocol, find_files
-    from rampcast.reproduce import reproduce as run
+    from rampcast.paper.reproduce import Protocol, find_files
+    from rampcast.paper.reproduce import reproduce as run
 
     protocol = Protocol(training=training_spec(epochs, batch, stride, seed), every=every, command=user_command())
     found = find_files(data, without=out)
@@ -171,8 +171,8 @@ def benchmark(
     out: OutFolder = Path("out/benchmark"),
 ) -> None:
     """Scores every model and baseline on the open benchmark, and writes each single forecast for others to score."""
-    from rampcast.evaluate.benchmark import default_folder, run_benchmark, write_benchmark
-    from rampcast.report.benchmark_pictures import write_benchmark_pictures
+    from rampcast.benchmark import default_folder, run_benchmark, write_benchmark
+    from rampcast.benchmark.pictures import write_benchmark_pictures
     from rampcast.simulate import shipped_sample
 
     train = train or default_folder()
@@ -187,8 +187,8 @@ def benchmark(
 @app.command(epilog="Example:\n\nrampcast demo --out out/demo")
 def demo(out: OutFolder = Path("out/demo")) -> None:
     """Runs the whole protocol on the simulated recordings that ship with rampcast, with short training."""
-    from rampcast.reproduce import DEMO_TRAINING, Protocol
-    from rampcast.reproduce import reproduce as run
+    from rampcast.paper.reproduce import DEMO_TRAINING, Protocol
+    from rampcast.paper.reproduce import reproduce as run
     from rampcast.simulate import shipped_sample
 
     protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=user_command())
@@ -199,7 +199,7 @@ def demo(out: OutFolder = Path("out/demo")) -> None:
 
 
 def training_spec(epochs: int, batch: int, stride: int, seed: int) -> "TrainingSpec":
-    from rampcast.forecast.forecaster import TrainingSpec
-    from rampcast.models.lstm import LstmSpec
+    from rampcast.paper.framework import TrainingSpec
+    from rampcast.paper.neighbours.lstm import LstmSpec
 
     return TrainingSpec(lstm=LstmSpec(epochs=epochs, batch=batch), window_stride=stride, seed=seed)

@@ -5,17 +5,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rampcast import terminal
+from rampcast.cli import show as terminal
 
 if TYPE_CHECKING:
     from rampcast.formats import BadRows, ReadReport
-    from rampcast.recording import Recording, Site
+    from rampcast.recording import Recording
+    from rampcast.sites import Site
 
 MANY_OFF_ROAD = 0.5  # of the rows: the site of one road of a divided highway leaves out about half of them
 
 
 def named_site(name: str | None) -> "Site | None":
-    from rampcast.recording import load_site
+    from rampcast.sites import load_site
 
     return load_site(name) if name else None
 
@@ -65,7 +66,7 @@ def read_road(
     mapping: Path | None,
 ) -> "Recording":
     """Returns the recording of one of the roads in the files; prints what reading found."""
-    from rampcast.recording.ramps import road_named
+    from rampcast.roads.ramp import road_named
 
     with terminal.progress("read"):
         recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)

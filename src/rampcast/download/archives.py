@@ -10,8 +10,8 @@ from typing import BinaryIO, cast
 
 from rampcast.download.transfer import writing
 from rampcast.errors import DownloadError
-from rampcast.formats.sources import DAMAGED
-from rampcast.recording.files import write_whole
+from rampcast.files import write_whole
+from rampcast.formats.files.sources import DAMAGED
 
 
 def unpack(archive: Path, pattern: str, folder: Path) -> tuple[Path, ...]:

@@ -22,7 +22,7 @@ class DataSet:
         site: name of the shipped site that its rows are of; "" drafts one from the rows.
         resource: id of the portal's table, or "".
         where: condition on the table's rows, or "".
-        columns: names that every page of the table has, as `rampcast.formats.head.plain` writes them.
+        columns: names that every page of the table has, as `rampcast.formats.files.head.plain` writes them.
         file: address of the file below the portal, or "".
         members: names of the files to unpack from it, as a shell pattern; "" unpacks nothing.
         bytes: size of the file; 0 where it is not known.

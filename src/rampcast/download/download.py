@@ -18,7 +18,7 @@ from rampcast.download.transfer import Note, Patience, Tell, TransferError, fetc
 from rampcast.errors import DownloadError, RampcastError
 from rampcast.formats import FORMATS, BadRows, read_all
 from rampcast.recording import columns as c
-from rampcast.recording import load_site
+from rampcast.sites import load_site
 
 PORTAL = "https://data.transportation.gov"
 

@@ -32,9 +32,9 @@ from rampcast.download.transfer import (
     writing,
 )
 from rampcast.errors import DownloadError
-from rampcast.formats.head import find_header, look, plain
-from rampcast.formats.table import FORMATS
-from rampcast.recording.files import write_whole
+from rampcast.files import write_whole
+from rampcast.formats.files.head import find_header, look, plain
+from rampcast.formats.registry import FORMATS
 
 PAGE_ROWS = 50_000  # the most that every version of the interface gives at once (dev.socrata.com)
 CHANGED = "x-soda2-truth-last-modified"  # header of every answer: when the table's rows were last changed

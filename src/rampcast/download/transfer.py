@@ -16,7 +16,7 @@ import httpx
 
 from rampcast import __version__
 from rampcast.errors import DownloadError
-from rampcast.recording.files import write_whole
+from rampcast.files import write_whole
 
 PASSING = (408, 429, 500, 502, 503, 504)  # answers that a server may no longer give a little later
 SHOWN = 300  # characters of a server's answer in a message

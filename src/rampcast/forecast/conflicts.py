@@ -11,7 +11,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.physics.engine import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks
+from rampcast.horizon import STEP
 from rampcast.physics.safety import (
     LEAST_POST_ENCROACHMENT,
     LEAST_TIME_TO_COLLISION,
@@ -20,7 +21,6 @@ from rampcast.physics.safety import (
     post_encroachment_time,
     time_to_collision,
 )
-from rampcast.recording.smoothing import STEP
 
 BLOCKS = (8, 64)  # rows that programs are compiled for: 64 x 100 samples x 75 steps are a few MB an array
 NOBODY = 1e5  # [m]; who is farther away than this is not there

@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from rampcast.compute import jax, jnp
 from rampcast.forecast.platoon_roll_out import FAR
-from rampcast.models.merge_hazard import LANE_GOES_ON, LONGEST_READY, UNKNOWN_OFFSET, Beside, merge_features
+from rampcast.horizon import FUTURE, STEP
+from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY, UNKNOWN_OFFSET, Beside, merge_features
 from rampcast.physics import idm
-from rampcast.physics.engine import jax, jnp
-from rampcast.physics.floors import MINIMUM_GAP
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.merge_scenes import BEHIND, TARGET_PLACES
-from rampcast.scenes.scenes import FUTURE
+from rampcast.physics.minimums import MINIMUM_GAP
+from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES
 
 STOPPING = 3.4  # [m/s^2]; who would have to brake harder for the end of the lane brakes (AASHTO 2018: most drivers do)
 HARDEST_BRAKING = 8.0  # [m/s^2] about what a car can on a dry road

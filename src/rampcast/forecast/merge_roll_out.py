@@ -15,17 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from rampcast.compute import jnp, over_blocks
 from rampcast.forecast.merge_program import merging, waiting
 from rampcast.forecast.platoon_roll_out import FAR, RollOut, drawn_drivers, numbers_of
+from rampcast.horizon import FUTURE
 from rampcast.models.disturbance import residual_now
 from rampcast.models.drivers import posteriors
 from rampcast.models.merge_features import time_with_room
-from rampcast.models.merge_hazard import UNKNOWN_OFFSET, MergeHazard
+from rampcast.models.merging import UNKNOWN_OFFSET, MergeHazard
 from rampcast.models.platoon_head import mean_speed
-from rampcast.physics.engine import jnp, over_blocks
-from rampcast.scenes.merge_scenes import TARGET_PLACES, MergeScenes
-from rampcast.scenes.platoons import PLACES, Platoons, known_lengths
-from rampcast.scenes.scenes import FUTURE
+from rampcast.traffic.merge_scenes import TARGET_PLACES, MergeScenes
+from rampcast.traffic.platoons import PLACES, Platoons, known_lengths
 
 DEPTHS = (2, PLACES - 1)  # numbers of vehicles ahead on the ramp that programs are compiled for
 BLOCKS = (4, 16)  # rows likewise

@@ -7,14 +7,13 @@ from jaxtyping import Float, Shaped
 from scipy.ndimage import uniform_filter1d
 
 from rampcast.forecast.platoon_roll_out import FAR, RollOut, Samples, fit_roll_out, sample_platoons
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction, over_time
 from rampcast.models.drivers import posteriors
 from rampcast.models.folds import time_folds
 from rampcast.models.platoon_features import features, regimes
 from rampcast.models.pooled_driver import roll_chain
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import HISTORY, PLACES, Platoons
-from rampcast.scenes.scenes import FUTURE
+from rampcast.traffic.platoons import HISTORY, PLACES, Platoons
 
 SPREAD = (0.1, 0.9)  # quantiles of the samples whose distance is their spread
 CHUNK = 512  # platoons at a time: a few arrays of 100 samples of them are 100 MB

@@ -13,15 +13,14 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from rampcast.compute import jax, jnp, over_blocks
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance, fit_disturbance, residual_now
 from rampcast.models.drivers import DriverPrior, fit_drivers, posteriors
 from rampcast.models.platoon_head import Head, fit_head, mean_speed
 from rampcast.physics import idm
-from rampcast.physics.engine import jax, jnp, over_blocks
 from rampcast.physics.gap import net_gap
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import PLACES, Platoons, known_lengths
-from rampcast.scenes.scenes import FUTURE
+from rampcast.traffic.platoons import PLACES, Platoons, known_lengths
 
 DEPTHS = (1, 2, 4, PLACES - 1)  # numbers of leaders that programs are compiled for
 BLOCKS = (16, 128)  # rows likewise: 128 x 100 samples x 9 places fit into a processor's cache

@@ -21,17 +21,16 @@ from rampcast.forecast.platoon_forecaster import (
     moved_along,
 )
 from rampcast.forecast.platoon_roll_out import FAR, fit_roll_out
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, Rolled, fit_correction, over_time
 from rampcast.models.folds import time_folds
 from rampcast.models.merge_features import merge_columns, merge_table
 from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
-from rampcast.models.merge_hazard import NEVER, fit_merge_hazard, merge_zone
+from rampcast.models.merging import NEVER, fit_merge_hazard, merge_zone
 from rampcast.models.platoon_features import regimes
 from rampcast.models.pooled_driver import roll_chain
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.merge_scenes import AHEAD, BEHIND, MergeScenes
-from rampcast.scenes.platoons import HISTORY, known_lengths
-from rampcast.scenes.scenes import FUTURE
+from rampcast.traffic.merge_scenes import AHEAD, BEHIND, MergeScenes
+from rampcast.traffic.platoons import HISTORY, known_lengths
 
 CHUNK = 256  # scenes at a time: a few arrays of 100 samples of them are 100 MB
 PASSES = 2  # of learning the hazard: the second with those ahead merging by the first

@@ -2,10 +2,15 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from rampcast.formats import citysim, exid, highd, i24_mvt, interaction, ngsim_layout, plain, sumo_fcd, tgsim
-from rampcast.formats.head import Head
-from rampcast.formats.head import plain as plainly
-from rampcast.formats.rows import Column
+from rampcast.formats.files.head import Head
+from rampcast.formats.files.head import plain as plainly
+from rampcast.formats.readers import citysim, interaction, tgsim
+from rampcast.formats.readers.i24 import mvt as i24_mvt
+from rampcast.formats.readers.levelx import exid, highd
+from rampcast.formats.readers.ngsim import layout as ngsim_layout
+from rampcast.formats.readers.plain import plain
+from rampcast.formats.readers.sumo import fcd as sumo_fcd
+from rampcast.formats.tables.rows import Column
 
 
 def _names(columns: Iterable[Column]) -> tuple[str, ...]:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rampcast.horizon import STEP
 from rampcast.models.drivers import DriverPrior, behind_leader, posterior
 from rampcast.physics import idm
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import Platoons, known_lengths
+from rampcast.traffic.platoons import Platoons, known_lengths
 
 STEPS = np.array([4, 9, 14])  # 1, 2 and 3 s after t = 0: later, the driver's law takes back what it did
 PERSISTENCES = (0.7, 0.8, 0.85, 0.9, 0.93, 0.96)  # a step of 0.2 s, that are tried: they fade within 0.6 to 5 s

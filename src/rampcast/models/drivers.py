@@ -17,12 +17,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 from scipy.stats import norm, qmc
 
+from rampcast.compute import jax, jnp, over_blocks
+from rampcast.horizon import STEP
 from rampcast.models.pooled_driver import fit_pooled_driver, true_leader
 from rampcast.physics import idm
-from rampcast.physics.engine import jax, jnp, over_blocks
 from rampcast.physics.gap import net_gap
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import Platoons, known_lengths
+from rampcast.traffic.platoons import Platoons, known_lengths
 
 DRIVERS = 64  # that stand for the prior
 SCATTERS = (0.1, 0.15, 0.2, 0.3)  # standard deviations of the logarithms that are tried

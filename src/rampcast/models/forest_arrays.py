@@ -13,8 +13,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from rampcast.compute import blocks, jax, jnp, padded
 from rampcast.errors import ModelError
-from rampcast.physics.engine import blocks, jax, jnp, padded
 
 # Scenes are padded to one of these numbers, so that a new number does not compile again; beside it the number of trees
 # that are walked together. Measured: few scenes need many trees to be worth an array operation, many scenes need few,

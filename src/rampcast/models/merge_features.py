@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
-from rampcast.models.merge_hazard import LONGEST_READY, LOOKAHEAD, MOVING
+from rampcast.horizon import STEP
+from rampcast.models.merging import LONGEST_READY, LOOKAHEAD, MOVING
 from rampcast.models.platoon_features import features
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.merge_scenes import BEHIND, MergeScenes
-from rampcast.scenes.platoons import known_lengths
+from rampcast.traffic.merge_scenes import BEHIND, MergeScenes
+from rampcast.traffic.platoons import known_lengths
 
 LEADERS_SEEN = 3  # of the target lane, whose states are features
 FAR_GAP = 100.0  # [m]; a gap beyond this is as good as none behind it

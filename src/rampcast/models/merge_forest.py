@@ -18,9 +18,8 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 from sklearn.ensemble import RandomForestRegressor
 
+from rampcast.horizon import FUTURE, STEP
 from rampcast.models.folds import Fold
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.scenes import FUTURE
 
 # steps of 0.2 s at which the curves are known: every 0.4 s for 4 s, then every second
 MOMENTS = np.concatenate([np.arange(0, 20, 2), np.arange(24, FUTURE, 5)])

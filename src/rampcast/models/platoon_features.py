@@ -5,7 +5,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float, Int
 
-from rampcast.scenes.platoons import Platoons, known_lengths
+from rampcast.traffic.platoons import Platoons, known_lengths
 
 LEADERS_SEEN = 5  # whose states are features; few cases have more
 FREE_SPEED = 15.0  # [m/s] mean speed of a platoon that is not in congestion; half the limit of both NGSIM sites

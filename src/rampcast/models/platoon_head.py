@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rampcast.recording.smoothing import STEP
-from rampcast.scenes.platoons import Platoons
+from rampcast.horizon import STEP
+from rampcast.traffic.platoons import Platoons
 
 KEPT = 1e4  # [s]; a relaxation by which a speed is kept
 RELAXATIONS = (5.0, 10.0, 20.0, 40.0)  # [s] that are tried

@@ -8,13 +8,11 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
+from rampcast.compute import jax, jnp, over_blocks
+from rampcast.horizon import FUTURE, STEP
 from rampcast.physics import idm
-from rampcast.physics.engine import jax, jnp, over_blocks
 from rampcast.physics.gap import net_gap
-from rampcast.physics.laws import LAWS
-from rampcast.physics.mode import Mode
-from rampcast.scenes.platoons import Platoons, known_lengths
-from rampcast.scenes.scenes import FUTURE, STEP
+from rampcast.traffic.platoons import Platoons, known_lengths
 
 START = (2.0, 1.2, 1.0, 2.0, 20.0, 4.0)  # about the values of Treiber, Hennecke and Helbing 2000
 LEAST_CASES = 20  # a fit to fewer says more of them than of drivers: `START` is taken then
@@ -28,7 +26,7 @@ def roll_chain(
 ) -> Float[np.ndarray, "platoon step"]:
     """Returns the displacement [m] of each central vehicle after each of 75 steps of 0.2 s.
 
-    Each vehicle follows the one ahead by the IDM, with the steps of `rampcast.forecast.roll_out.follow`; the last that
+    Each vehicle follows the one ahead by the IDM, with the steps of `rampcast.paper.algorithm_1.follow`; the last that
     counts keeps its speed, as a vehicle without a leader does.
 
     Args:
@@ -190,7 +188,7 @@ def _least_squares(
         return jnp.where(seen, displacements(parameters)[:, SCORED_STEPS] - truth, 0.0).ravel()
 
     slope = jax.jit(jax.jacfwd(residual))
-    low, high = np.array([(bound.low, bound.high) for bound in LAWS["idm"].ranges(Mode.CORRECTED)]).T
+    low, high = np.array([(bound.low, bound.high) for bound in idm.NET_BOUNDS]).T
     fit = least_squares(
         lambda p: np.asarray(residual(jnp.asarray(p))),
         np.array(START),

@@ -3,7 +3,7 @@
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from rampcast.physics.engine import jnp
+from rampcast.compute import jnp
 
 
 def front_gap(x: Float[ArrayLike, "*#scene"], leader_x: Float[ArrayLike, "*#scene"]) -> Float[Array, "*#scene"]:

@@ -5,8 +5,8 @@ from typing import NamedTuple
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from rampcast.physics.engine import jnp
-from rampcast.physics.floors import MINIMUM_GAP, MINIMUM_SPEED
+from rampcast.compute import jnp
+from rampcast.physics.minimums import MINIMUM_GAP, MINIMUM_SPEED
 from rampcast.physics.parameters import Range, Scale, Spread
 
 

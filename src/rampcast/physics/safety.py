@@ -5,7 +5,7 @@ from typing import Final
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from rampcast.physics.engine import jnp
+from rampcast.compute import jnp
 
 # A conflict lies beyond these. Source: SUMO's surrogate safety device (SSM), default thresholds.
 LEAST_TIME_TO_COLLISION: Final = 3.0  # [s]

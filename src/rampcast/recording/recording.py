@@ -10,10 +10,10 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.errors import FormatError, RecordingError, SiteError
+from rampcast.files import write_whole
 from rampcast.recording import columns as c
-from rampcast.recording.files import write_whole
 from rampcast.recording.parquet import read_head, read_table
-from rampcast.recording.sites import Site, site_from_dict, site_to_dict
+from rampcast.sites.site import Site, site_from_dict, site_to_dict
 
 KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
 FILE_VERSION = 1

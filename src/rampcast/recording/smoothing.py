@@ -13,6 +13,7 @@ from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from rampcast.errors import RecordingError
+from rampcast.horizon import SAME_STEP, STEP
 from rampcast.recording import columns as c
 from rampcast.recording.recording import KEY, Recording
 from rampcast.recording.resampling import EVEN_STEP, resample
@@ -20,9 +21,7 @@ from rampcast.recording.resampling import EVEN_STEP, resample
 HALF_WINDOW = 1.0  # [s] 21 samples at 10 Hz; the paper gives none, fixed on the method page, section 3
 WINDOW = 21  # samples at 10 Hz
 ORDER = 3  # likewise
-STEP = 0.2  # [s] the paper, section "Data Set"
 LONGEST_FILLED_GAP = 5.0  # [s] a longer hole is more likely a reused id than a lost vehicle: it is left open
-SAME_STEP = 1e-9  # [s] times that differ by less are the same
 SHORTEST_TRACK = 5  # frames; the fewest that a cubic can smooth
 IMPOSSIBLE_ACCELERATION = 8.0  # [m/s^2] about the grip of a dry road (mu = 0.8); no road vehicle exceeds it
 

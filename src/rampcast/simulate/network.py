@@ -11,8 +11,8 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from rampcast.errors import SiteError
-from rampcast.recording import Site
 from rampcast.simulate.programs import program, run_quietly
+from rampcast.sites import Site
 
 # The last quarter of the ramp lane is a taper too narrow to drive beside the target lane. On I-80 the lane runs from
 # the gore at 118 m to 230 m (the paper) and loses its own number at 202 m (erratum 7): after 75 % of the way.

@@ -9,10 +9,11 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.errors import RecordingError
-from rampcast.recording import Recording, load_site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate.programs import Progress
 from rampcast.simulate.simulation import simulate
+from rampcast.sites import load_site
 
 SITE = "simulated"
 MINUTES = 15.0  # as NGSIM's windows

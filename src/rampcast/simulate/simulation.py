@@ -10,13 +10,14 @@ import polars as pl
 from jaxtyping import Float
 
 from rampcast.errors import RecordingError
-from rampcast.recording import Recording, Site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate.demand import draw_vehicles, write_sign, write_vehicles
 from rampcast.simulate.lateral import lateral_path
 from rampcast.simulate.network import Road, main_lanes, ramp_roads, roads, write_network
 from rampcast.simulate.noise import add_position_noise
 from rampcast.simulate.programs import Progress, program, run_with_progress
+from rampcast.sites import Site
 
 TIME_STEP = 0.1  # [s] NGSIM's 10 Hz; SUMO steps at the same rate, nothing is interpolated
 SETTLE = 10.0  # [s] simulated before and after the recording, so that lane changes at its edges are whole

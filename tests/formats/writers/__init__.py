@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rampcast.formats.units import FOOT
-from rampcast.recording import Recording, Site
+from rampcast.formats.steps.units import FOOT
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.sites import Site
 from tests import ngsim_writer
 from tests.formats.writers import citysim, commonroad, exid, highd, i24, i24_mvt, interaction, plain, sumo, tgsim
 from tests.formats.writers.common import lanes_by_number

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.formats.units import FOOT
+from rampcast.formats.steps.units import FOOT
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from tests.formats.writers.common import planar

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from rampcast.recording import Recording, Site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.reference import in_plane, reference_line
+from rampcast.roads.reference import in_plane, reference_line
+from rampcast.sites import Site
 
 
 def lane_edges(site: Site) -> list[float]:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.recording import Recording, Site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.reference import in_plane, reference_line
+from rampcast.roads.reference import in_plane, reference_line
+from rampcast.sites import Site
 from tests.formats.writers.common import lane_edges, planar
 
 FIRST_LANELET = 100

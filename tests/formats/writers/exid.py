@@ -5,8 +5,9 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.recording import Recording, Site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.sites import Site
 from tests.formats.writers.common import planar
 
 EAST, NORTH = 295_000.0, 5_628_000.0  # [m] near Aachen

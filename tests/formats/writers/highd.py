@@ -5,8 +5,9 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.recording import Recording, Site
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.sites import Site
 from tests.formats.writers.common import lane_edges, with_speeds
 
 TOP = 20.0  # [m] where the road's left edge lies in the image

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.formats.units import FOOT
-from rampcast.recording import Recording, Site
+from rampcast.formats.steps.units import FOOT
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.sites import Site
 
 EAST_END = 63.0 * 5280 * FOOT  # [m] where the road begins, for who drives west
 DAY = 1_669_075_200.0  # [s since 1970] 2022-11-22, 00:00 UTC

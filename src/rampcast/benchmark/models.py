@@ -1,0 +1,292 @@
+"""The table of the benchmark's longitudinal models. To add one: a `fit`, here or elsewhere, and a line in `MODELS`.
+
+A `fit` is given the training cases, futures and all, and returns a `predict`, which is given scenes and nothing else.
+The oracle alone is told the leader's future, as an argument of its own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import minimize_scalar
+
+from rampcast.benchmark.cases import Cases
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
+from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.models.pooled_driver import fit_pooled_driver, follow_true_leader, roll_chain
+from rampcast.paper.algorithm_1 import follow
+from rampcast.paper.calibration.calibration import calibrate
+from rampcast.paper.laws.laws import LAWS
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
+from rampcast.paper.neighbours.windows import WINDOW
+from rampcast.traffic.merge_scenes import MergeScenes
+from rampcast.traffic.platoons import HISTORY, PLACES, Platoons, known_lengths
+
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+TIME = np.arange(1, FUTURE + 1) * STEP
+SPEED_LIMIT = 29.06  # [m/s] 65 mph, the limit of both NGSIM sites, where most cases come from
+LONGEST_RELAXATION = 60.0  # [s]; the search for the time constant ends here
+LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known
+LSTM_STRIDE = 5  # steps between the windows that the LSTM is trained on
+MOST_WINDOWS = 4000  # of the LSTM, so that the whole benchmark takes minutes
+LSTM = LstmSpec(epochs=10, batch=64)  # likewise; the paper trains 25 epochs
+FORECASTER = PlatoonForecasterSpec()
+TOUCH = 0.01  # [m]; samples are kept in single precision, and overlap when they are farther into another vehicle
+
+
+@dataclass(frozen=True)
+class Forecasts:
+    """What a model forecasts for each case.
+
+    Attributes:
+        x: displacement from the place at t = 0, at 0.2, 0.4 ... 15 s [m].
+        quantiles: of it, at `LEVELS` [m]; None for a model that gives a number only.
+        overlaps: how many samples of each case overlap another vehicle at that step or before; None for a model that
+            does not sample.
+    """
+
+    x: Float[np.ndarray, "case step"]
+    quantiles: Float[np.ndarray, "case step quantile"] | None = None
+    overlaps: Int[np.ndarray, "case step"] | None = None
+
+
+@dataclass(frozen=True)
+class Training:
+    """Training cases, with the fits that several models share.
+
+    Attributes:
+        cases: see `Cases`.
+    """
+
+    cases: Cases
+
+    @cached_property
+    def longitudinal(self) -> Cases:
+        """Returns the cases that ask where the vehicle will be."""
+        return self.cases.select(self.cases.longitudinal)
+
+    @cached_property
+    def driver(self) -> Float[np.ndarray, "param"]:
+        """Returns the IDM of the average driver: fitted behind the true futures of the leaders."""
+        cases = self.longitudinal
+        return fit_pooled_driver(cases.platoons, cases.truth, leader_truth=cases.leader_truth)
+
+    @cached_property
+    def merging(self) -> Cases:
+        """Returns the cases that ask when the vehicle will merge."""
+        return self.cases.select(self.cases.merging)
+
+    @cached_property
+    def scene_forecaster(self) -> SceneForecaster:
+        """Returns rampcast's own forecaster."""
+        cases = self.cases
+        return fit_scene_forecaster(
+            cases.scenes,
+            cases.truth,
+            cases.leader_truth,
+            change_time=cases.change_time,
+            seen_for=cases.seen_for,
+            group=cases.group,
+            t0=cases.t0,
+            spec=FORECASTER,
+        )
+
+
+Predict = Callable[[MergeScenes], Forecasts]
+Fit = Callable[[Training], Predict]
+OraclePredict = Callable[[MergeScenes, Float[np.ndarray, "case step"]], Forecasts]
+
+
+def constant_velocity(training: Training) -> Predict:
+    """Returns x = v t."""
+    del training
+    return lambda scenes: Forecasts(_speed(scenes.own)[:, None] * TIME)
+
+
+def relax_to_leader(training: Training) -> Predict:
+    """Returns the forecast of a vehicle whose speed goes to its leader's exponentially; one time constant for all."""
+    cases = training.longitudinal
+
+    def error(relaxation: float) -> float:
+        sizes = np.abs(_relaxed(cases.platoons, relaxation) - cases.truth)
+        return float(np.nanmean(sizes))
+
+    best = minimize_scalar(error, bounds=(STEP, LONGEST_RELAXATION), method="bounded").x
+    return lambda scenes: Forecasts(_relaxed(scenes.own, float(best)))
+
+
+def pooled_idm(training: Training) -> Predict:
+    """Returns the forecast of one IDM behind a leader that keeps its speed, fitted in just this use."""
+    parameters = fit_pooled_driver(training.longitudinal.platoons, training.longitudinal.truth)
+    return lambda scenes: Forecasts(roll_chain(parameters, scenes.own, leaders=1))
+
+
+def chain(training: Training, *, leaders: int) -> Predict:
+    """Returns the forecast of the average driver's IDM in a chain of so many leaders, the first at constant speed."""
+    parameters = training.driver
+    return lambda scenes: Forecasts(roll_chain(parameters, scenes.own, leaders=leaders))
+
+
+def car_following(training: Training, *, law: str) -> Predict:
+    """Returns the forecast of a law of the paper, fitted to the 4 s of each case, behind a leader that keeps its speed.
+
+    A vehicle without a leader keeps its speed.
+    """
+    del training
+    return lambda scenes: Forecasts(_fitted_to_history(law, scenes.own))
+
+
+def lstm(training: Training) -> Predict:
+    """Returns the forecast of the paper's LSTM for the vehicle itself, trained on the training cases' own tracks."""
+    windows = _training_windows(training.longitudinal)
+    model = fit_lstm(windows, mode=Mode.CORRECTED, spec=LSTM, key=jax.random.key(1))
+    return lambda scenes: _lstm_forecast(model, scenes.own)
+
+
+def scene_forecaster(training: Training) -> Predict:
+    """Returns the forecast of rampcast's own forecaster: its median, and its own quantiles."""
+    return partial(_scene_forecast, training.scene_forecaster)
+
+
+def roll_outs_alone(training: Training) -> Predict:
+    """Returns the same without the learned correction: the samples' own median and quantiles."""
+    model = training.scene_forecaster
+    merges = model.merges and replace(model.merges, correction=None)
+    return partial(_scene_forecast, replace(model, platoons=replace(model.platoons, correction=None), merges=merges))
+
+
+def oracle(training: Training) -> OraclePredict:
+    """Returns the forecast of the average driver's IDM behind the leader's true future; NaN once that is not known."""
+    parameters = training.driver
+    return lambda scenes, leader_truth: Forecasts(follow_true_leader(parameters, scenes.own, leader_truth))
+
+
+MODELS: dict[str, Fit] = {
+    "constant_velocity": constant_velocity,
+    "relax_to_leader": relax_to_leader,
+    "idm": partial(car_following, law="idm"),
+    "gipps_paper": partial(car_following, law="gipps_paper"),
+    "ghr": partial(car_following, law="ghr"),
+    "lstm": lstm,
+    "pooled_idm": pooled_idm,
+    **{f"chain_{leaders}": partial(chain, leaders=leaders) for leaders in range(1, PLACES)},
+    "rampcast_without_correction": roll_outs_alone,
+    "rampcast": scene_forecaster,
+}
+ORACLE = "oracle"
+REFERENCE = "chain_1"  # one leader at constant speed; it closes none of the gap to the oracle, by definition
+
+
+def with_bands(forecasts: Forecasts, training: Forecasts, truth: Float[np.ndarray, "train step"]) -> Forecasts:
+    """Returns forecasts with the quantiles of the model's errors on the training cases, where it gives none itself.
+
+    No quantile reverses. They are NaN at a step where fewer than `LEAST_ERRORS` errors are known.
+
+    Args:
+        forecasts: of the test cases.
+        training: of the same model, of the training cases.
+        truth: of the training cases [m].
+    """
+    if forecasts.quantiles is not None:
+        return forecasts
+    errors = truth - training.x
+    enough = np.isfinite(errors).sum(axis=0) >= LEAST_ERRORS
+    spread = np.full((errors.shape[1], len(LEVELS)), np.nan)
+    if enough.any():
+        spread[enough] = np.nanquantile(errors[:, enough], LEVELS, axis=0).T
+    quantiles = np.maximum(forecasts.x[..., None] + spread, 0.0)
+    return replace(forecasts, quantiles=quantiles)
+
+
+def overlaps(
+    samples: Float[np.ndarray, "case sample step"],
+    *,
+    leader_rear: Float[np.ndarray, "case sample step"],
+    follower_front: Float[np.ndarray, "case sample step"],
+    length: Float[np.ndarray, "case"],
+) -> Int[np.ndarray, "case step"]:
+    """Returns how many samples of each case overlap the vehicle ahead, or that behind, at each step or before.
+
+    Args:
+        samples: front of the vehicle [m].
+        leader_rear: rear of the vehicle ahead [m].
+        follower_front: front of the vehicle behind [m].
+        length: of the vehicle itself [m].
+    """
+    inside = (samples > leader_rear + TOUCH) | (follower_front > samples - length[:, None, None] + TOUCH)
+    return np.logical_or.accumulate(inside, axis=2).sum(axis=1)
+
+
+def _scene_forecast(model: SceneForecaster, scenes: MergeScenes) -> Forecasts:
+    found = model.predict(scenes)
+    counts = overlaps(
+        found.samples, leader_rear=found.leader_rear, follower_front=found.follower_front, length=found.length
+    )
+    return Forecasts(found.median.astype(float), found.quantiles_at(*LEVELS).astype(float), counts)
+
+
+def _speed(platoons: Platoons) -> Float[np.ndarray, "case"]:
+    return np.maximum(platoons.v[:, 0, -1], 0.0)
+
+
+def _relaxed(platoons: Platoons, relaxation: float) -> Float[np.ndarray, "case step"]:
+    """Returns v_l t + (v - v_l) T (1 - exp(-t / T)), T the relaxation [s]; without a leader v t."""
+    own = _speed(platoons)[:, None]
+    leader = np.where(platoons.present[:, 1, None], np.maximum(platoons.v[:, 1, -1, None], 0.0), own)
+    return leader * TIME + (own - leader) * relaxation * (1.0 - np.exp(-TIME / relaxation))
+
+
+def _fitted_to_history(law: str, platoons: Platoons) -> Float[np.ndarray, "case step"]:
+    past = slice(HISTORY - PAST, None)
+    x, v = platoons.x[:, :2, past], platoons.v[:, :2, past]
+    length = known_lengths(platoons)[:, 1]
+    valid = platoons.valid[:, 0, past] & platoons.valid[:, 1, past]
+    fit = calibrate(
+        LAWS[law],
+        speed=np.where(valid, v[:, 0], 0.0),
+        leader_speed=np.where(valid, v[:, 1], 0.0),
+        gap=np.where(valid, x[:, 1] - x[:, 0] - length[:, None], np.inf),
+        acceleration=np.where(valid, platoons.a[:, 0, past], 0.0),
+        valid=valid,
+    )
+    led = platoons.present[:, 1]
+    ahead = np.where(led, x[:, 1, -1] - x[:, 0, -1], 0.0)
+    speed = np.where(led, np.maximum(v[:, 1, -1], 0.0), 0.0)
+    time = np.arange(FUTURE + 1) * STEP
+    motion = follow(
+        LAWS[law],
+        fit.parameters,
+        x=np.zeros(len(platoons)),
+        v=_speed(platoons),
+        leader_x=ahead[:, None] + speed[:, None] * time,
+        leader_v=np.repeat(speed[:, None], FUTURE + 1, axis=1),
+        leader_length=length,
+        v_max=SPEED_LIMIT,
+    )
+    return np.where(led[:, None], motion.x, _speed(platoons)[:, None] * TIME)
+
+
+def _training_windows(cases: Cases) -> Float[np.ndarray, "sample step"]:
+    """Returns x [m] of runs of 21 steps in the pasts and futures of the training cases, `MOST_WINDOWS` at most."""
+    past = cases.platoons.x[:, 0] - cases.platoons.x[:, 0, -1:]
+    tracks = np.concatenate([past, cases.truth], axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(tracks, WINDOW, axis=1)[:, ::LSTM_STRIDE].reshape(-1, WINDOW)
+    windows = windows[np.isfinite(windows).all(axis=1)]
+    chosen = np.random.default_rng(1).permutation(len(windows))[:MOST_WINDOWS]
+    return windows[np.sort(chosen)]
+
+
+def _lstm_forecast(model: NeighbourLstm, platoons: Platoons) -> Forecasts:
+    """Returns the model's forecast; steps before the vehicle was seen are filled at its first known speed."""
+    x = platoons.x[:, 0] - platoons.x[:, 0, -1:]
+    first = np.argmax(np.isfinite(x), axis=1)
+    case = np.arange(len(x))
+    since = (np.arange(HISTORY) - first[:, None]) * STEP
+    filled = x[case, first][:, None] + platoons.v[case, 0, first][:, None] * since
+    past = np.where(np.isfinite(x), x, filled)[:, -PAST:]
+    return Forecasts(model.predict(past, steps=FUTURE).astype(float))

@@ -1,0 +1,379 @@
+"""What the command line shows: progress bars, tables, errors. Progress and errors go to stderr, results to stdout."""
+
+import dataclasses
+import json
+import shlex
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from rampcast.benchmark import Benchmark
+    from rampcast.doctor import Diagnosis, Finding
+    from rampcast.doctor.summary import Quality
+    from rampcast.download import Download
+    from rampcast.formats import ReadReport
+    from rampcast.paper.framework import Progress as Tell
+    from rampcast.recording import CleaningReport, Recording
+    from rampcast.roads.ramp import RampValues
+    from rampcast.sites import Site
+
+output = Console()
+messages = Console(stderr=True)
+
+SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
+SHOWN_SKILLS = (3.0, 8.0)  # [s]
+
+
+@contextmanager
+def progress(first: str | None = None) -> Iterator["Tell"]:
+    """Gives a function (what, done, total) that shows a bar for each thing done; `first` is shown from the start."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=messages) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def tell(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(escape(what), total=total)
+            bars.update(tasks[what], completed=done, total=total)
+
+        if first is not None:
+            tell(first, 0, 1)
+        yield tell
+        if first is not None:
+            tell(first, 1, 1)
+
+
+def say(text: str) -> None:
+    """Prints a line of a result."""
+    output.print(escape(text), soft_wrap=True, highlight=False)
+
+
+def complain(text: str) -> None:
+    """Prints an error."""
+    messages.print(f"[bold red]error:[/] {escape(text)}", soft_wrap=True, highlight=False)
+
+
+def note(text: str) -> None:
+    """Prints something that the user may want to know while waiting."""
+    messages.print(escape(text), soft_wrap=True, highlight=False)
+
+
+def warn(text: str) -> None:
+    """Prints something that is likely to be a mistake, though it can be gone on with."""
+    messages.print(f"[bold yellow]warning:[/] {escape(text)}", soft_wrap=True, highlight=False)
+
+
+def print_data_sets(name: str | None = None) -> None:
+    """Prints the data sets that can be got by name, and where to ask for the others; or the one of that name."""
+    from rampcast.download import CATALOGUE, listed
+
+    for entry in CATALOGUE.values() if name is None else [listed(name)]:
+        say(f"{entry.name}\n  {entry.title}. Licence: {entry.licence}\n  {entry.page}")
+        if entry.ask:
+            say(f"  not downloaded: {entry.ask}")
+
+
+def print_download(found: "Download", folder: Path) -> None:
+    """Prints what was got, how it was checked, and what to do next."""
+    say(f"{folder / found.file}: {found.bytes:,} bytes, got on {found.when}. Licence: {found.licence}")
+    if found.rows:
+        say(f"as many rows as the portal counts: {found.rows:,}")
+    say("SHA-256 as others recorded it" if found.checksum_known else "no checksum is published; the counts are checked")
+    if not found.rows_read:
+        say("rampcast has no reader for it: describe its columns in a mapping file (rampcast convert --mapping)")
+        return
+    skipped = f" ({found.rows_skipped:,} of them not as the format says)" if found.rows_skipped else ""
+    say(f"read: {found.rows_read:,} rows{skipped} of {found.vehicles:,} vehicles in {', '.join(found.recordings)}")
+    files = " ".join(shlex.quote(str(folder / name)) for name in (found.unpacked or (found.file,)))
+    say(f"next: rampcast inspect {files}" + (" --skip-bad-rows" if found.rows_skipped else ""))
+
+
+def print_json(values: Mapping[str, Any]) -> None:
+    """Prints values as json and nothing else."""
+    print(json.dumps(values, indent=2, default=str))
+
+
+def print_reading(report: "ReadReport") -> None:
+    """Prints what reading found: every count that is not zero, and the rows that were skipped."""
+    for name, form in zip(report.files, report.forms, strict=True):
+        say(f"{name}: {form}")
+    counts = {name: value for name, value in report.to_dict().items() if isinstance(value, int) and value}
+    say(", ".join(f"{name.replace('_', ' ')}: {value:,}" for name, value in counts.items()))
+    for row in report.skipped:
+        say(f"  skipped {row}")
+
+
+def print_formats() -> None:
+    """Prints the formats that rampcast reads."""
+    from rampcast.formats import FORMATS
+
+    table = Table("format", "what it is", "files")
+    table.add_column("described in", no_wrap=True)
+    for one in FORMATS.values():
+        table.add_row(*map(escape, (one.name, one.title, one.reads, one.page)))
+    output.print(table)
+
+
+def print_written(paths: Sequence[Path]) -> None:
+    """Prints how many rows of which parts there are in each recording's file."""
+    import polars as pl
+
+    for path in paths:
+        parts = pl.scan_parquet(path).group_by("recording").len().sort("recording").collect(engine="streaming")
+        names = ", ".join(parts["recording"][:5]) + (", ..." if parts.height > 5 else "")
+        say(f"wrote {path}: {parts['len'].sum():,} rows of {names}")
+
+
+def print_cleaning(report: "CleaningReport") -> None:
+    """Prints what smoothing left out, filled and moved."""
+    counts = {name: value for name, value in dataclasses.asdict(report).items() if isinstance(value, int) and value}
+    say("smoothing: " + ", ".join(f"{name.replace('_', ' ')}: {value:,}" for name, value in counts.items()))
+    say(f"  x moved by {report.mean_shift_x:.3f} m on average, by {report.largest_shift_x:.2f} m at most")
+
+
+def print_quality(quality: "Quality") -> None:
+    """Prints what is in a recording and how good it is: all of it, its windows, and its lanes."""
+    from rampcast.doctor.summary import lane_table, quality_table, window_table
+
+    site = f"{quality.site}{' (simulated)' if quality.simulated else ''}"
+    tables = {site: quality_table(quality), "windows": window_table(quality), "lanes": lane_table(quality)}
+    for title, text in tables.items():
+        if text is None:
+            continue
+        table = Table(title=escape(title), title_justify="left")
+        for head in text.heads:
+            table.add_column(escape(head), justify="left" if head in ("", "window") else "right")
+        for row in text.rows:
+            table.add_row(*map(escape, row))
+        output.print(table)
+
+
+def print_scores(out: Path) -> None:
+    """Prints the position errors that a run left in its output folder."""
+    import polars as pl
+
+    print_errors(pl.read_parquet(out / "tables" / "longitudinal.parquet"))
+
+
+def print_diagnoses(
+    diagnoses: "Sequence[Diagnosis]",
+    in_files: "Sequence[Finding]",
+    report: "ReadReport",
+    *,
+    out: Path | None,
+    as_json: bool,
+    command: str,
+) -> None:
+    """Prints what the doctor found, as json or as tables, and writes its page to `out` if that is given."""
+    from rampcast.doctor import to_dict
+
+    if as_json:
+        print_json(to_dict(diagnoses, report, in_files))
+    else:
+        print_reading(report)
+        if in_files:
+            _print_findings(f"{len(report.files)} files with {len(diagnoses)} roads", in_files)
+        for one in diagnoses:
+            _print_diagnosis(one)
+    if out is not None:
+        from rampcast.doctor.page import write_diagnoses
+
+        page = write_diagnoses(diagnoses, out, report=report, in_files=in_files, command=command)
+        note(f"wrote {page}")
+
+
+def _print_diagnosis(diagnosis: "Diagnosis") -> None:
+    title = f"{diagnosis.site}: {diagnosis.vehicles:,} vehicles, {diagnosis.rows:,} rows"
+    if diagnosis.findings:
+        _print_findings(title, diagnosis.findings)
+    else:
+        say(f"{title}: nothing found")
+    for name, value in diagnosis.facts.items():
+        say(f"{name}: {value}")
+    for unassessed in diagnosis.unassessed:
+        say(f"not assessed: {unassessed.check.title}: {unassessed.reason}")
+    say("this would spoil a forecast" if diagnosis.spoils else "nothing here would spoil a forecast")
+
+
+def _print_findings(title: str, findings: "Sequence[Finding]") -> None:
+    colors = {"spoils a forecast": "bold red", "warning": "yellow", "note": "cyan"}
+    table = Table(title=escape(title), title_justify="left")
+    for name in ("severity", "finding", "count", "share", "for example"):
+        table.add_column(name, justify="right" if name in ("count", "share") else "left")
+    for one in findings:
+        severity = f"[{colors[one.severity.value]}]{one.severity.value}[/]"
+        counted = one.check.counting(one.count)
+        table.add_row(severity, escape(one.check.title), counted, f"{one.share:.2%}", escape(one.example()))
+    output.print(table)
+    for one in findings:
+        detail = f" ({one.found.detail})" if one.found.detail else ""
+        say(f"{one.check.title}{detail}: {one.check.advice}")
+
+
+def print_errors(longitudinal: "pl.DataFrame") -> None:
+    """Prints the mean absolute position error at a few horizons, from the tidy table."""
+    from rampcast.paper.errors import model_labels
+
+    labels = model_labels()
+    for (mode,), of_mode in longitudinal.group_by("mode", maintain_order=True):
+        table = Table(title=f"{mode} mode: mean absolute position error (m)", title_justify="left")
+        for name in ("vehicles", "model"):
+            table.add_column(name)
+        for horizon in SHOWN_HORIZONS:
+            table.add_column(f"{horizon:.0f} s", justify="right")
+        for (group, model), rows in of_mode.group_by("group", "model", maintain_order=True):
+            error = dict(zip(rows["horizon"], rows["mean_error"], strict=True))
+            cells = (error.get(horizon) for horizon in SHOWN_HORIZONS)
+            shown = ("–" if value is None else f"{value:.1f}" for value in cells)
+            table.add_row(str(group).replace("_", " "), labels.get(str(model), str(model)), *shown)
+        output.print(table)
+
+
+def site_with_ramp(recording: "Recording", values: "RampValues") -> "Site":
+    """Returns the recording's site with a ramp; asks for what is missing if somebody can answer.
+
+    Raises:
+        SiteError: nobody can, and the lane of the ramp is not known.
+    """
+    from rampcast.errors import SiteError
+    from rampcast.roads.ramp import with_ramp, without_ramp
+
+    site = recording.site
+    values = values.or_of(site)
+    print_lanes(recording)
+    if not values.lanes and not _somebody_answers():
+        raise SiteError(
+            f"{site.name}: which lane is the ramp? Give --ramp-lane with a number of the table (and, if you know them, "
+            "--target-lane, --gore, --ramp-end, --merge-zone), or --no-ramp for a site without one"
+        )
+    asked = not values.lanes
+    if asked:
+        values = dataclasses.replace(values, lanes=_ask_lanes(site))
+    if not values.lanes:
+        return without_ramp(site)
+    made = with_ramp(site, recording, values)
+    if asked:
+        made = with_ramp(site, recording, _ask_values(made))
+    for note in made.notes:
+        say(f"  {note.text} ({note.source})")
+    return made
+
+
+def _somebody_answers() -> bool:
+    return sys.stdin.isatty()
+
+
+def _ask_lanes(site: "Site") -> tuple[int, ...]:
+    known = {str(lane.number): lane.number for lane in site.lanes}
+    question = f"Which lane is the ramp? ({', '.join(known)}; several with a comma between; empty for none)"
+    while True:
+        answer = str(typer.prompt(question, default="", show_default=False))
+        numbers = answer.replace(",", " ").split()
+        if all(number in known for number in numbers):
+            return tuple(known[number] for number in numbers)
+        say(f"  expected numbers of lanes from the table ({', '.join(known)}), got {answer}")
+
+
+def _ask_values(proposed: "Site") -> "RampValues":
+    """Returns the values that the user settles for; what is proposed and kept stays a proposal."""
+    from rampcast.roads.ramp import RampValues
+
+    def ask(what: str, proposal: float) -> float | None:
+        answer = float(typer.prompt(what, default=round(proposal, 1), type=float))
+        return None if answer == round(proposal, 1) else answer
+
+    target = int(typer.prompt("Lane that ramp vehicles merge into", default=proposed.target_lane, type=int))
+    return RampValues(
+        lanes=proposed.ramp_lanes,
+        target_lane=None if target == proposed.target_lane else target,
+        gore=ask("Gore: x where the ramp begins to run beside it [m]", proposed.gore),
+        ramp_end=ask("End of the ramp lane: x [m]", proposed.ramp_end),
+    )
+
+
+def print_lanes(recording: "Recording") -> None:
+    """Prints the lanes of a recording's site from the left: what drives on them, and where it changes lane."""
+    from rampcast.roads.ramp import lanes_driven
+
+    table = Table(title=escape(f"lanes of {recording.site.name}, from the left"), title_justify="left")
+    for head in ("lane", "role", "y [m]", "vehicles", "rows", "x [m]", "to left", "to right"):
+        table.add_column(escape(head), justify="left" if head == "role" else "right")
+    for row in lanes_driven(recording).iter_rows(named=True):
+        seen = "" if row["x_from"] is None else f"{row['x_from']:.0f}–{row['x_to']:.0f}"
+        changes = [
+            f"{row[side]:,}: {row[f'{side}_from']:.0f}–{row[f'{side}_to']:.0f} m" if row[side] else ""
+            for side in ("left", "right")
+        ]
+        counts = (f"{row['vehicles']:,}", f"{row['rows']:,}", seen)
+        table.add_row(str(row["lane"]), row["role"], f"{row['centre']:z.2f}", *counts, *changes)
+    output.print(table)
+
+
+def print_benchmark(found: "Benchmark") -> None:
+    """Prints mean errors at a few horizons for each data set and depth (shares are of the last second), and merges."""
+    for (data_set,), of_set in found.scores.group_by("data_set", maintain_order=True):
+        shown_cases = None
+        for (depth,), rows in of_set.group_by("depth", maintain_order=True):
+            most = max(rows["n"].to_list())
+            if most == shown_cases:  # all cases have that many leaders: the same table again
+                continue
+            shown_cases = most
+            who = f"leaders known: {depth!s} or more" if depth else "all cases"
+            _print_benchmark_table(f"{data_set!s}, {who} (n = {most:,}): mean absolute error (m)", rows)
+    if found.merge_scores.height:
+        for (data_set,), of_set in found.merge_scores.group_by("data_set", maintain_order=True):
+            _print_merge_table(str(data_set), of_set)
+    for name, about in found.record["data_sets"].items():
+        say(f"{name}: trained on {about['train']:,} cases, tested on {about['test']:,}; split: {about['split']}")
+        for model, count in about.get("overlaps", {}).items():
+            say(f"{name}: {count:,} samples of {model} overlap another vehicle")
+    for name, reason in found.record["left_out"].items():
+        say(f"{name}: left out, {reason}")
+
+
+def _print_benchmark_table(title: str, rows: "pl.DataFrame") -> None:
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("model")
+    for head in (*(f"{horizon:.0f} s" for horizon in SHOWN_HORIZONS), "gap closed", "90 % band covers"):
+        table.add_column(head, justify="right")
+    lines: list[tuple[list[str], tuple[str, ...]]] = []  # neighbouring models that agree, as chains do, are one row
+    for (model,), of_model in rows.group_by("model", maintain_order=True):
+        error = dict(zip(of_model["horizon"], of_model["mean_error"], strict=True))
+        cells = ["–" if horizon not in error else f"{error[horizon]:.2f}" for horizon in SHOWN_HORIZONS]
+        last = of_model.row(-1, named=True)
+        shares = (f"{last[name]:.0%}" if last[name] is not None else "–" for name in ("gap_closed", "coverage_90"))
+        shown = (*cells, *shares)
+        if lines and lines[-1][1] == shown:
+            lines[-1][0].append(str(model))
+        else:
+            lines.append(([str(model)], shown))
+    for models, shown in lines:
+        table.add_row(models[0] if len(models) == 1 else f"{models[0]} ... {models[-1]}", *shown)
+    output.print(table)
+
+
+def _print_merge_table(data_set: str, rows: "pl.DataFrame") -> None:
+    of_times = rows.filter(rows["horizon"].is_null())
+    n = max(of_times["n"].to_list())
+    table = Table(title=escape(f"{data_set}, time to the merge (n = {n:,} within 15 s)"), title_justify="left")
+    heads = ("error (s)", "of K.-M.", "C-index", "gap right")
+    table.add_column("model", no_wrap=True)
+    for head in (*heads, *(f"skill {horizon:.0f} s" for horizon in SHOWN_SKILLS)):
+        table.add_column(head, justify="right")
+    columns = ("time_error", "time_error_ratio", "c_index", "gap_accuracy")
+    for row in of_times.iter_rows(named=True):
+        skills = rows.filter((rows["model"] == row["model"]) & rows["horizon"].is_in(SHOWN_SKILLS))["brier_skill"]
+        cells = ["–" if value is None else f"{value:.2f}" for value in (*(row[name] for name in columns), *skills)]
+        table.add_row(row["model"], *cells)
+    output.print(table)

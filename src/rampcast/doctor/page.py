@@ -1,0 +1,172 @@
+"""The doctor's page: one file that needs nothing else, and beside it the findings as json and as tables."""
+
+import base64
+import io
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import polars as pl
+from matplotlib.figure import Figure
+
+from rampcast.doctor import Diagnosis, Finding, Severity, spoils, to_dict
+from rampcast.doctor import figures as figures
+from rampcast.files import write_whole
+from rampcast.formats import ReadReport
+from rampcast.plots import style
+
+PAGE, VALUES, PLACES = "doctor.html", "doctor.json", "findings"
+CLASSES = {Severity.SPOILS: "spoils", Severity.WARNING: "warning", Severity.NOTE: "note"}
+LABELS = {"speed": "speed v [m/s]", "acceleration": "acceleration a [m/s²]", "jerk": "jerk [m/s³]"}
+SHOWN_QUANTILES = (0.001, 0.01, 0.05, 0.5, 0.95, 0.99, 0.999)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as the page shows it: the image as a link that holds it, its size [px], and what it shows."""
+
+    uri: str
+    width: int
+    height: int
+    caption: str
+
+
+def write_diagnoses(
+    diagnoses: Sequence[Diagnosis],
+    out: Path,
+    *,
+    report: ReadReport | None = None,
+    in_files: Sequence[Finding] = (),
+    command: str = "",
+) -> Path:
+    """Writes doctor.html, doctor.json, findings.parquet and findings.csv into a folder; returns the page's path.
+
+    Other files in the folder stay as they are. All is made before the first file is written, and each is written whole
+    or not at all, the page last.
+
+    Args:
+        diagnoses: one for each road.
+        out: the folder; made if it is not there.
+        report: what reading the files found.
+        in_files: what is wrong with files of several roads as a whole.
+        command: what the user called.
+    """
+    page = _page(diagnoses, report, in_files, command)
+    text = json.dumps(to_dict(diagnoses, report, in_files), indent=2, default=str)
+    places = pl.concat([one.places().select(pl.lit(one.site).alias("site"), pl.all()) for one in diagnoses])
+    out = Path(out)
+    with write_whole(out / f"{PLACES}.parquet") as partial:
+        places.write_parquet(partial)
+    with write_whole(out / f"{PLACES}.csv") as partial:
+        places.write_csv(partial, float_precision=4)
+    for name, content in ((VALUES, text), (PAGE, page)):
+        with write_whole(out / name) as partial:
+            partial.write_text(content, encoding="utf-8")
+    return out / PAGE
+
+
+def _page(diagnoses: Sequence[Diagnosis], report: ReadReport | None, in_files: Sequence[Finding], command: str) -> str:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("rampcast.doctor", ""),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template("page.html.j2").render(
+        files=list(zip(report.files, report.forms, strict=True)) if report else [],
+        command=command,
+        recordings=[_recording(one, number) for number, one in enumerate(diagnoses, start=1)],
+        in_files=_shown(in_files),
+        spoils=spoils(diagnoses, in_files),
+    )
+
+
+def _recording(diagnosis: Diagnosis, number: int) -> dict[str, Any]:
+    counts = [(CLASSES[kind], sum(one.severity is kind for one in diagnosis.findings)) for kind in Severity]
+    return {
+        "number": number,
+        "diagnosis": diagnosis,
+        "counts": counts,
+        "findings": _shown(diagnosis.findings),
+        "tracks": _tracks(diagnosis),
+        "timelines": list(_timelines(diagnosis)),
+        "distributions": list(_distributions(diagnosis)),
+        "lateral": _lateral(diagnosis),
+        "quantiles": SHOWN_QUANTILES,
+    }
+
+
+def _shown(findings: Sequence[Finding]) -> list[tuple[str, Finding, str, list[tuple[str, ...]]]]:
+    """Returns each finding as the page shows it: its class, itself, its share in words, and its examples."""
+    return [(CLASSES[one.severity], one, _share(one), list(_examples(one))) for one in findings]
+
+
+def _share(finding: Finding) -> str:
+    return f"{finding.count:,} of {finding.check.counting(finding.found.of)} ({_percent(finding.share)})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.1f} %"
+
+
+def _examples(finding: Finding) -> Iterator[tuple[str, ...]]:
+    """Yields the cells of each example; empty where something is not known."""
+    for row in finding.examples.iter_rows(named=True):
+        x, value = (f"{row[name]:.2f}" if row[name] is not None else "" for name in ("x", "value"))
+        others = ("" if row[name] is None else str(row[name]) for name in ("recording", "vehicle", "frame", "lane"))
+        yield (*others, x, value)
+
+
+def _tracks(diagnosis: Diagnosis) -> Picture | None:
+    tracks, marks = diagnosis.pictures["tracks"], diagnosis.pictures["marks"]
+    if not tracks.height:
+        return None
+    window, lane = str(tracks["recording"][0]), int(tracks["lane"][0])
+    where = f"Window {window}, lane {lane}: one line a vehicle"
+    shown = "the minute and lane in which most findings show" if marks.height else "no fault has a place here"
+    return _picture(style.figure_of(figures.faulty_tracks(tracks, marks)), f"{where}; {shown}.")
+
+
+def _timelines(diagnosis: Diagnosis) -> Iterator[Picture]:
+    table = diagnosis.pictures["timeline"]
+    for name in table["recording"].unique().sort():
+        own = table.filter(pl.col("recording") == name)
+        yield _picture(
+            figures.timeline(own),
+            f"Window {name}: vehicles seen at a time, and when faults were found; larger dots are more of them.",
+        )
+
+
+def _distributions(diagnosis: Diagnosis) -> Iterator[Picture]:
+    for quantity, label in LABELS.items():
+        own = [one for one in diagnosis.distributions if one.quantity == quantity]
+        if own:
+            limits = list(own[0].beyond)
+            ax = figures.distribution([(one.stage, one.histogram) for one in own], label=label, limits=limits)
+            beyond = "; ".join(
+                f"beyond {limit:g} {own[0].unit}: "
+                + ", ".join(f"{_percent(one.beyond[limit])} {one.stage}" for one in own)
+                for limit in limits
+            )
+            yield _picture(style.figure_of(ax), f"{quantity.capitalize()}. {beyond[0].upper()}{beyond[1:]}.")
+
+
+def _lateral(diagnosis: Diagnosis) -> Picture | None:
+    if not diagnosis.pictures["lateral"].height:
+        return None
+    ax = figures.lateral_positions(diagnosis.pictures["lateral"], diagnosis.pictures["lanes"])
+    return _picture(style.figure_of(ax), "Where the vehicles of each lane drive (blue), and the site's centres (red).")
+
+
+def _picture(figure: Figure, caption: str) -> Picture:
+    buffer = io.BytesIO()
+    with mpl.rc_context(style.RC):
+        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
+    width, height = (round(96 * size) for size in figure.get_size_inches())
+    uri = f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    return Picture(uri, width, height, caption)

@@ -1,0 +1,99 @@
+"""Checks of what reading the files found: repeats, malformed rows, clocks, missing sizes, rows beside the road."""
+
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+from jaxtyping import Int
+
+from rampcast.doctor.finding import Found, NotAssessed
+from rampcast.doctor.subject import Subject, no_places
+from rampcast.formats import ReadReport
+from rampcast.recording import columns as c
+from rampcast.recording.recording import KEY
+
+OWN_FORM = "rampcast recording"
+OF_FILES = (  # names of checks that only the report of reading tells, and of those that it tells too
+    "malformed_rows",
+    "duplicates",
+    "conflicting_duplicates",
+    "clock_slips",
+    "rows_off_road",
+    "rows_outside_windows",
+    "rows_interpolated",
+    "rows_not_vehicles",
+    "sizes_filled",
+)
+OF_ROWS = ("duplicates", "conflicting_duplicates")  # those that the rows of a recording tell as well
+SHOWN_ROWS = 3  # malformed rows quoted in words
+
+
+def duplicates(subject: Subject) -> Found:
+    """Returns the rows that repeat a (recording, vehicle, frame); those that reading removed have no place."""
+    removed = subject.report.duplicates if subject.report else 0
+    places = subject.places(_kept(subject, subject.repeats), np.ones(subject.repeats.height))
+    detail = f"{removed:,} of them were removed when the files were read" if removed else ""
+    return Found(places, of=_rows(subject) + removed, count=removed + places.height, detail=detail)
+
+
+def conflicts(subject: Subject) -> Found:
+    """Returns the repeats that differ from the row that was kept in position or lane."""
+    removed = subject.report.conflicting_duplicates if subject.report else 0
+    if not subject.repeats.height:
+        return Found(no_places(), of=_rows(subject) + removed, count=removed)
+    differing = subject.repeats.join(subject.tracks, on=KEY, how="left", suffix="_kept", maintain_order="left").filter(
+        pl.any_horizontal(pl.col(name) != pl.col(f"{name}_kept") for name in (c.X, c.Y, c.LANE))
+    )
+    apart = (differing[c.X] - differing[f"{c.X}_kept"]).to_numpy()
+    places = subject.places(_kept(subject, differing), apart)
+    return Found(places, of=_rows(subject) + removed, count=removed + places.height)
+
+
+def malformed(subject: Subject) -> Found | NotAssessed:
+    """Returns the rows that are not as their format says."""
+    report = _original(subject.report)
+    return report if isinstance(report, NotAssessed) else _in_report(report, "malformed_rows")
+
+
+def counted(name: str) -> Callable[[Subject], Found | NotAssessed]:
+    """Returns a check of one of the counts of a `ReadReport`."""
+
+    def look(subject: Subject) -> Found | NotAssessed:
+        report = _original(subject.report)
+        return report if isinstance(report, NotAssessed) else _in_report(report, name)
+
+    return look
+
+
+def in_files(report: ReadReport | None, check: str) -> Found | NotAssessed:
+    """Returns what reading found of a check where the files hold several roads: of all of them together."""
+    original = _original(report)
+    return original if isinstance(original, NotAssessed) else _in_report(original, check)
+
+
+def _in_report(report: ReadReport, check: str) -> Found:
+    is_malformed = check == "malformed_rows"
+    count = report.rows_skipped if is_malformed else getattr(report, check)
+    detail = "; ".join(str(row) for row in report.skipped[:SHOWN_ROWS]) if is_malformed else ""
+    return Found(no_places(), of=max(report.rows_read, count), count=count, detail=detail)  # a row may hold several
+
+
+def _original(report: ReadReport | None) -> ReadReport | NotAssessed:
+    """Returns what reading the source's own files found, if that is known."""
+    if report is None:
+        return NotAssessed("nothing was read from files here")
+    if OWN_FORM in report.forms:
+        return NotAssessed("a converted recording does not keep what reading the original found; examine the original")
+    return report
+
+
+def _rows(subject: Subject) -> int:
+    return subject.recording.tracks.height
+
+
+def _kept(subject: Subject, repeats: pl.DataFrame) -> Int[np.ndarray, "repeat"]:
+    """Returns the row that was kept for each repeat."""
+    if not repeats.height:
+        return np.empty(0, dtype=np.int64)
+    rows = subject.tracks.select(*KEY).with_row_index("row")
+    return repeats.select(*KEY).join(rows, on=KEY, how="left", maintain_order="left")["row"].cast(pl.Int64).to_numpy()

@@ -1,0 +1,99 @@
+"""Suspicions about units: lengths, lanes, speeds and the time step that look as if they were in another unit."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from rampcast.doctor.finding import VALUE, Found, NotAssessed
+from rampcast.doctor.motion import FASTEST
+from rampcast.doctor.recorded import UNITS, compared_speeds, speed_ratio
+from rampcast.doctor.subject import Subject, moments
+from rampcast.formats.steps.units import FOOT
+from rampcast.recording import columns as c
+
+CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
+LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide
+FEWEST = 20  # rows in a lane that tell where it is
+LEAST_SHARE = 0.01  # of all rows: a lane of fewer may be no more than wrong labels
+RATIO = (0.8, 1.25)  # of recorded to derived speed; beyond, and in no known unit, the time step is wrong
+SAME = 0.03  # share by which a ratio may miss a unit
+# What a value must be multiplied with if it was taken for metres and is in that unit.
+LENGTH_UNITS = {"feet": FOOT, "centimetres": 0.01, "feet, converted to metres twice": 1 / FOOT}
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A quantity that tells the unit: its name, its value, the usual values, and what it seems to be beyond them."""
+
+    what: str
+    value: float
+    usual: tuple[float, float]
+    seems: str
+
+    @property
+    def is_suspicious(self) -> bool:
+        return not self.usual[0] <= self.value <= self.usual[1]
+
+
+def units(subject: Subject) -> Found | NotAssessed:
+    """Returns the quantities that no road has in the units that a recording should be in; the value is the quantity."""
+    measured = [*_car_length(subject), *_lane_spacing(subject), *_speed(subject), *_time_step(subject)]
+    if not measured:
+        return NotAssessed("there are no cars with lengths of their own, no two lanes, and nothing moves")
+    suspicious = [one for one in measured if one.is_suspicious]
+    detail = "; ".join(
+        f"{one.what} is {one.value:.3g}, expected {one.usual[0]:g} to {one.usual[1]:g}: {one.seems}"
+        for one in suspicious
+    )
+    return Found(moments({VALUE: [one.value for one in suspicious]}), of=len(measured), detail=detail)
+
+
+def _car_length(subject: Subject) -> Iterator[_Measured]:
+    filled = subject.report.sizes_filled if subject.report else 0
+    if filled > len(subject.step) / 2:
+        return  # these lengths are rampcast's own
+    vehicles = subject.tracks[subject.starts]
+    lengths = vehicles.filter((pl.col(c.KIND) == "car") & (pl.col(c.LENGTH) > 0))[c.LENGTH]
+    if lengths.len():
+        value = float(np.median(lengths.to_numpy()))
+        yield _Measured("the median length of a car [m]", value, CAR_LENGTHS, _length_unit(value, CAR_LENGTHS))
+
+
+def _lane_spacing(subject: Subject) -> Iterator[_Measured]:
+    roles = {lane.number: lane.role for lane in subject.recording.site.lanes}
+    main = [number for number, role in roles.items() if role == "main"]
+    lanes = subject.tracks.filter(pl.col(c.LANE).is_in(main)).group_by(c.LANE)
+    fewest = max(FEWEST, LEAST_SHARE * len(subject.step))
+    found = lanes.agg(pl.col(c.Y).median(), pl.len()).filter(pl.col("len") >= fewest).sort(c.LANE)
+    number, y = found[c.LANE].to_numpy().astype(np.float64), found[c.Y].to_numpy()
+    if len(y) < 2 or np.ptp(y) == 0:
+        return
+    value = float(np.median(np.abs(np.diff(y)) / np.diff(number)))
+    yield _Measured("the distance from lane to lane [m]", value, LANE_SPACINGS, _length_unit(value, LANE_SPACINGS))
+
+
+def _speed(subject: Subject) -> Iterator[_Measured]:
+    known = np.abs(subject.speed[np.isfinite(subject.speed)])
+    if len(known):
+        value = float(np.median(known))
+        seems = "positions look like feet or centimetres, or the time step is too short"
+        yield _Measured("the median speed [m/s]", value, (0.0, FASTEST), seems)
+
+
+def _time_step(subject: Subject) -> Iterator[_Measured]:
+    compared = compared_speeds(subject)
+    if isinstance(compared, NotAssessed):
+        return
+    ratio = speed_ratio(*compared[1:])
+    is_unit = any(abs(ratio / factor - 1) < SAME for factor in UNITS.values())
+    if math.isfinite(ratio) and not is_unit:  # a recorded speed in another unit spoils nothing: it is only compared
+        seems = f"positions or time step are off by a factor of {1 / ratio:.3g}" if ratio else "nothing moved"
+        yield _Measured("recorded speed over derived speed", ratio, RATIO, seems)
+
+
+def _length_unit(value: float, usual: tuple[float, float]) -> str:
+    fitting = [name for name, factor in LENGTH_UNITS.items() if usual[0] <= value * factor <= usual[1]]
+    return f"looks like {fitting[0]}" if fitting else "fits no unit that is known here"

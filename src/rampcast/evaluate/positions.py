@@ -1,0 +1,46 @@
+"""Errors of position forecasts, second by second, as a tidy table."""
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float
+
+from rampcast.horizon import STEP
+
+NEAR, FAR = 5.0, 10.0  # [m] the paper counts forecasts within these
+STEPS_PER_SECOND = round(1.0 / STEP)
+
+
+def position_errors(
+    predicted: Float[np.ndarray, "forecast future"],
+    observed: Float[np.ndarray, "forecast future"],
+    valid: Bool[np.ndarray, "forecast future"],
+) -> pl.DataFrame:
+    """Returns, for each whole second ahead, how far the forecasts lie from what was seen.
+
+    Columns: horizon [s], n (forecasts whose truth was seen), within_5, within_10 (shares), mean_error (mean absolute
+    error [m]), bias (mean of forecast minus observed [m]). Where n is 0 the others are null.
+
+    Args:
+        predicted: x [m] at steps of 0.2 s after t = 0.
+        observed: the truth [m]; not read where `valid` is False.
+        valid: whether the truth was seen.
+    """
+    rows = []
+    for step in range(STEPS_PER_SECOND - 1, predicted.shape[1], STEPS_PER_SECOND):
+        error = (predicted[:, step] - observed[:, step])[valid[:, step]]
+        size = np.abs(error)
+        seen = len(error) > 0
+        rows.append(
+            {
+                "horizon": float((step + 1) // STEPS_PER_SECOND),
+                "n": len(error),
+                "within_5": float(np.mean(size < NEAR)) if seen else None,
+                "within_10": float(np.mean(size < FAR)) if seen else None,
+                "mean_error": float(size.mean()) if seen else None,
+                "bias": float(error.mean()) if seen else None,
+            }
+        )
+    schema = {"horizon": pl.Float64, "n": pl.Int64} | dict.fromkeys(
+        ("within_5", "within_10", "mean_error", "bias"), pl.Float64
+    )
+    return pl.DataFrame(rows, schema=schema)

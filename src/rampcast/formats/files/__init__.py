@@ -1,0 +1,1 @@
+"""What files are made of: bytes, archives, heads, xml and json."""

@@ -1,0 +1,123 @@
+"""CitySim: 30 Hz drone recordings of American and Asian roads; one csv a video, in pixels, feet and miles per hour.
+
+Positions are in an image whose x grows to the right and y down; `head` is the middle of the front of a vehicle's
+rotated box. Source: the data description in the CitySim repository; see docs/formats/citysim.md.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.steps.places import one_place
+from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
+from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.project import on_roads
+from rampcast.sites import Site
+
+FRAME_RATE = 30.0  # [Hz] of every video
+FAR = 50_000.0  # [ft] no image shows more
+FASTEST = 350.0  # [mph]
+VIDEO = re.compile(r"(?P<place>.+?)[-_](?P<number>\d+)$")  # FreewayC-01
+CORNERS = (1, 2, 3)  # of the box, in order around it: two of its sides
+
+COLUMNS = (
+    Column("frame", ("frameNum",), pl.Int32(), 0, c.LARGEST),
+    Column("id", ("carId",), pl.Int32(), 0, c.LARGEST),
+    Column("x", ("headXft",), low=-FAR, high=FAR),
+    Column("y", ("headYft",), low=-FAR, high=FAR),
+    *(
+        Column(f"{axis}{corner}", (f"boundingBox{corner}{axis.upper()}ft",), pl.Float32(), -FAR, FAR)
+        for corner in CORNERS
+        for axis in ("x", "y")
+    ),
+    Column("speed", ("speed",), pl.Float32(), -FASTEST, FASTEST),
+    Column("lane", ("laneId",), pl.Int16(), -1, 1000, may_be_blank=True),
+)
+
+
+def misses_citysim(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be CitySim's trajectories; None if nothing."""
+    return missing_column(head, COLUMNS)
+
+
+def read_citysim(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the roads of a place of CitySim, each a recording of its own, and what reading found.
+
+    Args:
+        paths: files PLACE-NN.csv of one place; each is a part of the recording.
+        site: one road; None drafts every road from the tracks.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as CitySim's are, or the files are of several places.
+    """
+    place = _place(paths)
+    parts, reports = [], []
+    for path in paths:
+        rows = read_rows(path, COLUMNS, bad_rows=bad_rows)
+        parts.append(_in_plane(rows.table, _video(path)[1]))
+        reports.append(rows.report("CitySim trajectories"))
+    plane = Plane(
+        name="-".join(filter(None, ("citysim", place.lower().replace(" ", "")))),
+        title=f"CitySim, {place}" if place else "CitySim",
+        source="citysim",
+        rows=pl.concat(parts),
+        time_step=1 / FRAME_RATE,
+    )
+    return on_roads(plane, site, join_reports(reports))
+
+
+def _video(path: Path) -> tuple[str, str]:
+    """Returns the place and the number of a video, which its file's name tells; no place where it tells none."""
+    stem = path.name.partition(".")[0]
+    found = VIDEO.match(stem)
+    return (found["place"], found["number"]) if found else ("", stem)
+
+
+def _place(paths: Sequence[Path]) -> str:
+    videos = [_video(path) for path in paths]
+    place = one_place(paths, [place for place, _ in videos])
+    numbers = [number for _, number in videos]
+    for index, (path, number) in enumerate(zip(paths, numbers, strict=True)):
+        if number in numbers[:index]:
+            raise FormatError(f"{path}: there are two files of video {number}; give each once")
+    return place
+
+
+def _in_plane(table: pl.DataFrame, part: str) -> pl.DataFrame:
+    """Returns the rows with y turned up, in metres; sizes are those of the vehicle's median box."""
+    sides = [
+        (pl.col(f"x{one}") - pl.col(f"x{two}")).pow(2) + (pl.col(f"y{one}") - pl.col(f"y{two}")).pow(2)
+        for one, two in ((1, 2), (2, 3))
+    ]
+    sizes = table.select(
+        "id",
+        length=pl.max_horizontal(sides).sqrt() * FOOT,
+        width=pl.min_horizontal(sides).sqrt() * FOOT,
+    )
+    sizes = sizes.group_by("id").agg(pl.col(c.LENGTH, c.WIDTH).median().cast(pl.Float32))
+    lane = pl.when(pl.col("lane") >= 0).then(pl.col("lane"))
+    return table.join(sizes, on="id", how="left", maintain_order="left").select(
+        pl.lit(part, pl.Categorical()).alias(c.RECORDING),
+        pl.lit(None, pl.Categorical()).alias(ROAD),
+        pl.col("id").alias(c.VEHICLE),
+        pl.col("frame").alias(c.FRAME),
+        (pl.col("x") * FOOT).alias(PX),
+        (pl.col("y") * -FOOT).alias(PY),
+        lane.cast(pl.String).cast(pl.Categorical()).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.lit("car", PLANE_SCHEMA[c.KIND]).alias(c.KIND),
+        (pl.col("speed") * MILE_PER_HOUR).alias(c.RECORDED_V),
+        pl.lit(None, pl.Float32()).alias(c.RECORDED_A),
+    )

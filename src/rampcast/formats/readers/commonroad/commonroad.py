@@ -1,0 +1,111 @@
+"""CommonRoad scenarios (xml 2018b and 2020a): seconds of traffic on lanelets, many cut from real recordings.
+
+Positions are where the origin of an obstacle's shape is, which is the centre of a rectangle.
+Source: the documentation of CommonRoad's xml; see docs/formats/commonroad.md.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.files.xml_text import find_root
+from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
+from rampcast.formats.steps.clock import check_one_step
+from rampcast.formats.steps.lanelets import lanelet_at
+from rampcast.formats.steps.vehicles import whole_ids
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.project import on_roads
+from rampcast.sites import Site
+
+BENCHMARK = re.compile(r"(?:C-)?(([A-Z]{3})_\w+?-\d+)_.+")  # country, place and number of the map, then what drives
+NOWHERE_LAND = "ZAM"  # Zamunda, the country of made-up scenarios
+STATE = ("id", c.KIND, "box", c.FRAME, "x", "y", "orientation", c.RECORDED_V, c.RECORDED_A)
+
+
+def misses_commonroad(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be a CommonRoad scenario; None if nothing."""
+    root = find_root(head.text)
+    return None if root is not None and root.name == ROOT else f"no xml that begins with <{ROOT}>"
+
+
+def read_commonroad(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the recordings in scenarios of one map, and what reading found.
+
+    Args:
+        paths: files of one map, each a part of its own, named by its benchmarkID.
+        site: the road; None drafts every road from the tracks.
+        bad_rows: whether a state that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is not as CommonRoad's are, no vehicle moves in it, or the files are of several maps.
+    """
+    scenarios = [read_scenario(Path(path), bad_rows) for path in paths]
+    names = [
+        scenario.attributes.get("benchmarkID") or Path(path).stem
+        for scenario, path in zip(scenarios, paths, strict=True)
+    ]
+    steps = [read_time_step(scenario) for scenario in scenarios]
+    _check_one_map(scenarios, names, steps)
+    found = [_in_plane(scenario, name) for scenario, name in zip(scenarios, names, strict=True)]
+    benchmark = BENCHMARK.fullmatch(names[0])
+    is_simulated = any("simulated" in scenario.tags for scenario in scenarios)
+    plane = Plane(
+        name=benchmark[1] if benchmark else "commonroad",
+        title=f"CommonRoad, {benchmark[1] if benchmark else names[0]}",
+        source="commonroad",
+        rows=pl.concat([rows for rows, _ in found]),
+        time_step=steps[0],
+        simulated=is_simulated or (benchmark is not None and benchmark[2] == NOWHERE_LAND),
+    )
+    return on_roads(plane, site, join_reports([report for _, report in found]))
+
+
+def _check_one_map(scenarios: Sequence[Scenario], names: Sequence[str], steps: Sequence[float]) -> None:
+    first = scenarios[0].file
+    maps = [match[1] if (match := BENCHMARK.fullmatch(name)) else "" for name in names]
+    for scenario, name, place in zip(scenarios, names, maps, strict=True):
+        if names.count(name) > 1:
+            raise FormatError(f"{scenario.file}: the scenario {name} is given more than once; give each once")
+        if place != maps[0]:
+            raise FormatError(f"{scenario.file}: it is of map {place}, {first} of {maps[0]}; convert each by itself")
+    check_one_step([scenario.file for scenario in scenarios], steps)
+
+
+def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
+    """Returns the rows of a scenario with the front centre as position, and what reading found."""
+    if not scenario.states:
+        why = f" {scenario.faults[0]}" if scenario.faults else ""
+        raise FormatError(f"{scenario.file}: no vehicle moves in it; expected obstacles with states.{why}")
+    columns = dict(zip(STATE, zip(*scenario.states, strict=True), strict=True))
+    boxes = columns.pop("box")
+    length, width, ahead, left = (
+        np.array([getattr(box, part) for box in boxes]) for part in ("length", "width", "front_x", "front_y")
+    )
+    x, y, heading = (np.array(columns.pop(part)) for part in ("x", "y", "orientation"))
+    px = x + np.cos(heading) * ahead - np.sin(heading) * left
+    py = y + np.sin(heading) * ahead + np.cos(heading) * left
+    lanelets = [lanelet.name for lanelet in scenario.lanelets]
+    inside = [lanelets[index] if index >= 0 else None for index in lanelet_at(scenario.lanelets, px, py)]
+    ids, renumbered = whole_ids(pl.Series(columns.pop("id")))
+    values = columns | {c.LENGTH: length, c.WIDTH: width, PX: px, PY: py, SOURCE_LANE: inside, c.VEHICLE: ids}
+    rows = pl.DataFrame(values | {c.RECORDING: [name] * len(px), ROAD: [None] * len(px)}, strict=False)
+    report = ReadReport(
+        files=(scenario.file,),
+        forms=(f"CommonRoad {scenario.attributes.get('commonRoadVersion', 'of no version')}",),
+        rows_read=len(px) + scenario.not_vehicles + scenario.faults_counted,
+        rows_skipped=scenario.faults_counted,
+        skipped=tuple(scenario.faults),
+        rows_not_vehicles=scenario.not_vehicles,
+        vehicles_renumbered=renumbered,
+    )
+    return rows.select(pl.col(column).cast(type_) for column, type_ in PLANE_SCHEMA.items()), report

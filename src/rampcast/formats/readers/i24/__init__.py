@@ -1,0 +1,1 @@
+"""I-24 MOTION, version 1 and the derivative with lanes."""

@@ -1,0 +1,147 @@
+"""I-24 MOTION with lanes: the MegaVanderTest's version 2.1, its json files or tables with one row a moment.
+
+Vehicles are cut at lane changes: each piece is a vehicle of its own. Positions are in metres from Mill Creek bridge,
+sizes in feet. Source: the code that made the data, of the CIRCLES consortium; see docs/formats/i24_mvt.md.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head, look
+from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
+from rampcast.formats.readers.i24.stream import Batch, read_batches
+from rampcast.formats.readers.i24.table import sampled_rows
+from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LONGEST, WEST, WIDEST, Fault, Layout
+from rampcast.formats.steps.units import FOOT
+from rampcast.formats.steps.vehicles import whole_ids, with_sizes
+from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.sites import Site
+
+ORIGIN = 309_804.0625 * FOOT  # [m] where v1's x has the Mill Creek bridge
+FAR = 100_000.0  # [m]
+LATEST = 1e10  # [s since 1970]
+LAYOUT = Layout(
+    title="I-24 MOTION MVT v2.1",
+    source="i24_mvt",
+    id="trajectory_id",
+    x="x_position_meters",
+    y="y_position_corrected_meters",
+    unit=1.0,
+    lane="lane_number",
+    extra={c.RECORDED_V: "speed_meters_per_second", c.RECORDED_A: "acceleration_meters_per_second_per_second"},
+    has_direction=False,
+)
+COLUMNS = (
+    Column("id", (LAYOUT.id,), pl.Categorical()),
+    Column("time", ("timestamp",), low=0, high=LATEST),
+    Column("x", (LAYOUT.x,), low=-FAR, high=FAR),
+    Column("y", (LAYOUT.y,), low=-FAR, high=FAR),
+    Column("lane", (LAYOUT.lane,), pl.Int16(), LANES[0], LANES[-1]),
+    Column("v", (LAYOUT.extra[c.RECORDED_V],), low=-150, high=150, may_be_blank=True),
+    Column("a", (LAYOUT.extra[c.RECORDED_A],), low=-1000, high=1000, optional=True, may_be_blank=True),
+    Column("length", ("length",), low=0, high=LONGEST, optional=True, may_be_blank=True),
+    Column("width", ("width",), low=0, high=WIDEST, optional=True, may_be_blank=True),
+    Column("class", ("coarse_vehicle_class",), pl.Int8(), min(KINDS), max(KINDS), optional=True, may_be_blank=True),
+    Column("direction", ("direction",), pl.Int8(), WEST, EAST, optional=True),
+)
+TYPICAL_CLASS = 0  # where none is given: a sedan
+
+
+def misses_i24_mvt(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be this; None if nothing."""
+    if _is_json(head.text):
+        return None if f'"{LAYOUT.id}"'.encode() in head.text else f"no key '{LAYOUT.id}' in its first vehicle"
+    return missing_column(head, COLUMNS)
+
+
+def read_i24_mvt(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the carriageways in the files, each a recording, and what reading found.
+
+    Args:
+        paths: json files, or csv or parquet tables; all of one kind.
+        site: one road; None takes whole carriageways.
+        bad_rows: whether a vehicle or row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as it should be, or json files and tables are mixed.
+    """
+    return read_tracks(_batches(paths, bad_rows), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+
+
+def convert_i24_mvt(
+    paths: Sequence[Path], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Path, ...], ReadReport]:
+    """Writes what `read_i24_mvt` returns as recordings' files; with little memory where the files are json.
+
+    Args:
+        out: the file to write; where both carriageways are in the files there are two, OUT-west and OUT-east.
+    """
+    return convert_tracks(_batches(paths, bad_rows), Path(out), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+
+
+def _is_json(text: bytes) -> bool:
+    return text.lstrip().startswith(b"[")
+
+
+def _batches(paths: Sequence[Path], bad_rows: BadRows) -> Iterator[Batch]:
+    are_json = [_is_json(look(path).text) for path in paths]
+    if all(are_json):
+        yield from read_batches(paths, LAYOUT, bad_rows)
+    elif any(are_json):
+        raise FormatError(f"{paths[are_json.index(True)]}: a json file among tables; convert each kind by itself")
+    else:
+        yield _batch(paths, bad_rows)
+
+
+def _batch(paths: Sequence[Path], bad_rows: BadRows) -> Batch:
+    """Returns all vehicles of tables."""
+    files = [read_rows(path, COLUMNS, bad_rows=bad_rows) for path in paths]
+    report = join_reports([rows.report(LAYOUT.title) for rows in files])
+    table = pl.concat([_completed(rows.table) for rows in files])
+    numbers, _ = whole_ids(table["id"])
+    table = table.with_columns(numbers.alias("number"))
+    unique = (
+        table
+        if _is_sorted(table)
+        else table.sort("number", "time").unique(["number", "time"], keep="first", maintain_order=True)
+    )
+    try:
+        found = sampled_rows(unique)
+    except Fault as error:
+        raise FormatError(f"{', '.join(report.files)}: {error}") from error
+    rows, filled = with_sizes(found.rows)
+    more = ReadReport(
+        files=(),
+        forms=(),
+        rows_read=0,
+        duplicates=table.height - unique.height,
+        rows_interpolated=found.interpolated,
+        rows_off_frames=found.off_frames,
+        sizes_filled=filled,
+    )
+    return Batch(rows, found.names, found.clock.step, join_reports([report, more]))
+
+
+def _completed(table: pl.DataFrame) -> pl.DataFrame:
+    """Returns the rows with all columns; driving west, and sedans, where the file does not say."""
+    absent = {column.name: pl.lit(None, column.type) for column in COLUMNS if column.name not in table.columns}
+    return table.with_columns(**absent).select(
+        *(column.name for column in COLUMNS if column.name not in ("class", "direction")),
+        pl.col("class").fill_null(TYPICAL_CLASS),
+        pl.col("direction").fill_null(WEST),
+    )
+
+
+def _is_sorted(table: pl.DataFrame) -> bool:
+    """Returns whether vehicles, and in them times, only grow."""
+    vehicle, time = np.diff(table["number"].to_numpy()), np.diff(table["time"].to_numpy())
+    return bool(((vehicle > 0) | ((vehicle == 0) & (time > 0))).all())

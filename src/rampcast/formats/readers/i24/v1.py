@@ -1,0 +1,55 @@
+"""I-24 MOTION v1: 25 Hz trajectories of both carriageways of an American freeway; json files of several gigabytes.
+
+Source: the schema of I-24 MOTION's reconciled trajectories; see docs/formats/i24.md.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rampcast.formats.files.head import Head
+from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
+from rampcast.formats.readers.i24.stream import read_batches
+from rampcast.formats.readers.i24.tracks import Layout
+from rampcast.formats.steps.units import FOOT
+from rampcast.recording import Recording
+from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.sites import Site
+
+LAYOUT = Layout("I-24 MOTION v1", "i24", id="_id", x="x_position", y="y_position", unit=FOOT)
+OTHERS = b'"trajectory_id"'  # a key of the derivative that has lanes
+
+
+def misses_i24(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be I-24 MOTION's; None if nothing."""
+    if not head.text.lstrip().startswith(b"["):
+        return "not a json array"
+    if OTHERS in head.text:
+        return "its vehicles have a trajectory_id"
+    return None if b'"timestamp"' in head.text else "no key 'timestamp' in its first vehicle"
+
+
+def read_i24(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the two carriageways in json files of I-24 MOTION, each a recording, and what reading found.
+
+    Args:
+        paths: json files, plain or in a .gz or .zip; those of one day are one part of the recordings.
+        site: one road; None takes both carriageways whole.
+        bad_rows: whether a vehicle that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as I-24 MOTION's are.
+    """
+    return read_tracks(read_batches(paths, LAYOUT, bad_rows), LAYOUT.source, i24_sites(), site)
+
+
+def convert_i24(
+    paths: Sequence[Path], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Path, ...], ReadReport]:
+    """Writes what `read_i24` returns as recordings' files, with little memory; returns these and what reading found.
+
+    Args:
+        out: the file to write; with both carriageways there are two, OUT-west and OUT-east.
+    """
+    return convert_tracks(read_batches(paths, LAYOUT, bad_rows), Path(out), LAYOUT.source, i24_sites(), site)

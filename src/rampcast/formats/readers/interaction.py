@@ -1,0 +1,165 @@
+"""INTERACTION: drone and camera recordings of merges, crossings and roundabouts, 10 Hz; vehicle_tracks_NNN.csv.
+
+Positions are centres of boxes in metres, y to the left of x; `psi_rad` is the heading, counter-clockwise from x. There
+are no lanes. Source: the format page of the INTERACTION data set; see docs/formats/interaction.md.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.steps.clock import check_one_step, whole_frames
+from rampcast.formats.steps.places import one_place
+from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
+from rampcast.formats.tables.rows import SHOWN, Column, Rows, missing_column, read_rows
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.recording.translation import translated
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.project import on_roads
+from rampcast.sites import Site
+
+FAR = 1e7  # [m] positions may be in UTM, whose northings reach this
+TURN = 6.2832  # [rad] a little above two pi
+SCENARIO = re.compile(r"(DR|TC)_[A-Z]{3}_[A-Za-z]+_[A-Z]{2}")  # from a drone or a traffic camera; country, kind, place
+NUMBER = re.compile(r"\d+$")  # of vehicle_tracks_000
+NOT_VEHICLES = ("pedestrian", "bicycle", "pedestrian/bicycle", "person", "cyclist")
+
+COLUMNS = (
+    Column("id", ("track_id",), pl.Int32(), 0, c.LARGEST),
+    Column("time", ("timestamp_ms",), pl.Int64(), 0, 1e13),  # or since 1970
+    Column("type", ("agent_type",), pl.Categorical()),
+    Column("x", ("x",), low=-FAR, high=FAR),
+    Column("y", ("y",), low=-FAR, high=FAR),
+    Column("vx", ("vx",), pl.Float32(), -150, 150),
+    Column("vy", ("vy",), pl.Float32(), -150, 150),
+    Column("psi", ("psi_rad",), pl.Float32(), -TURN, TURN, may_be_blank=True),  # of pedestrians
+    Column(c.LENGTH, ("length",), pl.Float32(), 0, 100, may_be_blank=True),  # likewise
+    Column(c.WIDTH, ("width",), pl.Float32(), 0, 20, may_be_blank=True),  # likewise
+    Column("case", ("case_id",), pl.Int32(), 0, c.LARGEST, optional=True),
+)
+
+
+class _Part(NamedTuple):
+    rows: pl.DataFrame  # as a plane's
+    time_step: float
+    report: ReadReport
+
+
+def misses_interaction(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be INTERACTION's tracks of vehicles; None if nothing."""
+    return missing_column(head, COLUMNS)
+
+
+def read_interaction(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the roads of a place of INTERACTION, each a recording of its own, and what reading found.
+
+    Each file is a part of a recording; where a file has cases, each is a part, since ids repeat across cases.
+
+    Args:
+        paths: files vehicle_tracks_NNN.csv, or those of the prediction challenge with a column case_id, of one place.
+        site: one road; None drafts every road from the tracks.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as INTERACTION's are, or the files are of several places.
+    """
+    place = _place(paths)
+    parts = [_read_part(path, bad_rows) for path in paths]
+    check_one_step(paths, [part.time_step for part in parts])
+    plane = Plane(
+        name="-".join(["interaction", *place.lower().split("_")]) if place else "interaction",
+        title=f"INTERACTION, {place}" if place else "INTERACTION",
+        source="interaction",
+        rows=pl.concat([part.rows for part in parts]),
+        time_step=parts[0].time_step,
+    )
+    return on_roads(plane, site, join_reports([part.report for part in parts]))
+
+
+def _place(paths: Sequence[Path]) -> str:
+    """Returns the name of the place, which folders or files have in INTERACTION; "" where they have none."""
+    found = [SCENARIO.search(path.stem) or SCENARIO.search(path.absolute().parent.name) for path in paths]
+    places = [match.group() if match else "" for match in found]
+    names = [path.stem for path in paths]
+    for path in paths:
+        if names.count(path.stem) > 1:
+            raise FormatError(f"{path}: there are two files of this name; name each another way to tell them apart")
+    return one_place(paths, places)
+
+
+def _read_part(path: Path, bad_rows: BadRows) -> _Part:
+    rows, others = _vehicles(read_rows(path, COLUMNS, bad_rows=bad_rows))
+    reason = "its heading psi_rad is missing. Mend the file"
+    rows = without_vehicles(rows, rows.table["psi"].is_null(), reason, bad_rows)
+    frames, time_step, slips = _frames(rows)
+    table, filled = with_sizes(rows.table.with_columns(frames.alias(c.FRAME)))
+    report = rows.report("INTERACTION tracks" + (" with cases" if "case" in table.columns else ""))
+    found = NUMBER.search(path.stem)
+    return _Part(
+        _in_plane(table, found.group() if found else path.stem),
+        time_step,
+        replace(
+            report,
+            rows_read=report.rows_read + others,
+            rows_not_vehicles=others,
+            clock_slips=slips,
+            sizes_filled=filled,
+        ),
+    )
+
+
+def _frames(rows: Rows) -> tuple[pl.Series, float, int]:
+    """Returns the frame of each row, the time step [s], and how many rows lie off the grid of frames."""
+    frames, time_step, slips = whole_frames(rows.file, rows.table["time"] / 1000)
+    return pl.Series(frames), time_step, slips
+
+
+def _vehicles(rows: Rows) -> tuple[Rows, int]:
+    """Returns the rows of vehicles, with their kind, and how many were of pedestrians and cyclists."""
+    types = rows.table["type"].unique()
+    unknown = sorted(set(types.cast(pl.String)) - {*KINDS, *NOT_VEHICLES})
+    if unknown:
+        raise FormatError(
+            f"{rows.file}: there is an agent_type '{unknown[0][:SHOWN]}'; expected one of "
+            f"{', '.join((*KINDS, *NOT_VEHICLES))}"
+        )
+    kinds = pl.Series(list(KINDS.values()), dtype=PLANE_SCHEMA[c.KIND])
+    kind = translated(rows.table["type"], pl.Series(list(KINDS), dtype=pl.Categorical()), kinds)
+    table = rows.table.with_columns(kind.alias(c.KIND))
+    vehicles = table.drop_nulls(c.KIND) if table[c.KIND].has_nulls() else table
+    if vehicles.is_empty():
+        raise FormatError(f"{rows.file}: it holds no vehicles, only {', '.join(sorted(types.cast(pl.String)))}")
+    return replace(rows, table=vehicles), table.height - vehicles.height
+
+
+def _in_plane(table: pl.DataFrame, name: str) -> pl.DataFrame:
+    part = pl.lit(name, dtype=pl.Categorical())
+    if "case" in table.columns:
+        cases = table["case"].unique()
+        names = pl.select(pl.lit(f"{name}.") + cases.cast(pl.String).str.zfill(len(str(cases.max())))).to_series()
+        part = pl.col("case").replace_strict(cases, names, return_dtype=pl.Categorical())
+    px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("psi"), pl.col(c.LENGTH))
+    return table.select(
+        part.alias(c.RECORDING),
+        pl.lit(None, dtype=pl.Categorical()).alias(ROAD),
+        pl.col("id").alias(c.VEHICLE),
+        pl.col(c.FRAME),
+        px.alias(PX),
+        py.alias(PY),
+        pl.lit(None, dtype=pl.Categorical()).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.col(c.KIND),
+        (pl.col("vx") * pl.col("psi").cos() + pl.col("vy") * pl.col("psi").sin()).alias(c.RECORDED_V),
+        pl.lit(None, dtype=pl.Float32()).alias(c.RECORDED_A),
+    )

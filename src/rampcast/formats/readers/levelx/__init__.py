@@ -1,0 +1,1 @@
+"""highD and exiD."""

@@ -1,0 +1,125 @@
+"""exiD: 25 Hz drone recordings of entries and exits of German motorways; tracks with two csv of metadata beside them.
+
+Positions are centres of boxes in metres from an origin that each recording has in UTM; headings are counter-clockwise
+from x. Lanes are lanelets of a map that is not read. Source: the format page of exiD, levelXdata; docs/formats/exid.md.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from rampcast.formats.files.head import Head
+from rampcast.formats.readers.levelx.levelx import (
+    Described,
+    Layout,
+    check_one_location,
+    misses,
+    read_described,
+    speed_limit,
+    tracks_among,
+)
+from rampcast.formats.steps.vehicles import front_centre, with_sizes
+from rampcast.formats.tables.rows import Column
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.project import on_roads
+from rampcast.sites import Site
+
+FAR = 10_000.0  # [m] no recorded section is longer
+FARTHEST_UTM = 1e7  # [m] from the equator to a pole
+SEPARATOR = ";"  # between lanelets that overlap where the vehicle is
+
+LAYOUT = Layout(
+    name="exiD",
+    tracks=(
+        Column("id", ("trackId",), pl.Int32(), 0, c.LARGEST),
+        Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
+        Column("x", ("xCenter",), low=-FAR, high=FAR),
+        Column("y", ("yCenter",), low=-FAR, high=FAR),
+        Column("heading", ("heading",), pl.Float32(), -360, 360),
+        Column(c.WIDTH, ("width",), pl.Float32(), 0, 20),
+        Column(c.LENGTH, ("length",), pl.Float32(), 0, 100),
+        Column("v", ("lonVelocity",), pl.Float32(), -150, 150),
+        Column("a", ("lonAcceleration",), pl.Float32(), -1000, 1000),
+        Column("lane", ("laneletId",), pl.Categorical(), may_be_blank=True),
+    ),
+    vehicles=(
+        Column("id", ("trackId",), pl.Int32(), 0, c.LARGEST),
+        Column("class", ("class",), pl.String()),
+    ),
+    recording=(
+        Column("id", ("recordingId",), pl.Int32(), 0, c.LARGEST),
+        Column("rate", ("frameRate",), low=1, high=1000),
+        Column("location", ("locationId",), pl.Int32(), 0, c.LARGEST),
+        Column("limit", ("speedLimit",), low=-1, high=100, optional=True, may_be_blank=True),
+        Column("east", ("xUtmOrigin",), low=-FARTHEST_UTM, high=FARTHEST_UTM),
+        Column("north", ("yUtmOrigin",), low=-FARTHEST_UTM, high=FARTHEST_UTM),
+    ),
+)
+
+
+def misses_exid(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be one of exiD's; None if nothing."""
+    return misses(head, LAYOUT)
+
+
+def read_exid(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the roads of an exiD location, each a recording of its own, and what reading found.
+
+    Args:
+        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
+            these may be among the paths.
+        site: one road, its reference in UTM; None drafts every road from the tracks.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as exiD's are, or the files are of several locations.
+    """
+    tracks = tracks_among(paths)
+    parts = [_read_part(path, bad_rows) for path in tracks]
+    values = [part.values for part in parts]
+    check_one_location(tracks, values, ("location", "rate"))
+    plane = Plane(
+        name=f"exid-{values[0]['location']}",
+        title=f"exiD, location {values[0]['location']}",
+        source="exid",
+        rows=pl.concat([part.table for part in parts]),
+        time_step=1 / values[0]["rate"],
+        speed_limit=math.nan if values[0].get("limit") is None else speed_limit(values[0]),
+    )
+    return on_roads(plane, site, join_reports([part.report for part in parts]))
+
+
+def _read_part(path: Path, bad_rows: BadRows) -> Described:
+    found = read_described(path, LAYOUT, bad_rows)
+    table, filled = with_sizes(found.table)
+    return Described(_in_plane(table, found.values), found.values, replace(found.report, sizes_filled=filled))
+
+
+def _in_plane(table: pl.DataFrame, values: dict[str, Any]) -> pl.DataFrame:
+    """Returns the rows in UTM: recordings of one location need not have the same origin."""
+    px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("heading").radians(), pl.col(c.LENGTH))
+    lanelets = table["lane"].unique().drop_nulls()
+    first = lanelets.cast(pl.String).str.split(SEPARATOR).list.first()
+    return table.select(
+        pl.lit(str(values["id"]), dtype=pl.Categorical()).alias(c.RECORDING),
+        pl.lit(None, dtype=pl.Categorical()).alias(ROAD),
+        pl.col("id").alias(c.VEHICLE),
+        pl.col("frame").alias(c.FRAME),
+        (px + values["east"]).alias(PX),
+        (py + values["north"]).alias(PY),
+        pl.col("lane").replace_strict(lanelets, first, default=None, return_dtype=pl.Categorical()).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.col(c.KIND),
+        pl.col("v").alias(c.RECORDED_V),
+        pl.col("a").alias(c.RECORDED_A),
+    )

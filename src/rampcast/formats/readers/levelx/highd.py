@@ -1,0 +1,199 @@
+"""highD: 25 Hz drone recordings of German motorways; a csv of tracks with two csv of metadata beside it.
+
+Positions are the upper left corner of the vehicle's box in an image whose y grows down; `width` is along the road.
+Source: the format page of the highD data set, levelXdata; see docs/formats/highd.md.
+"""
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.readers.levelx.levelx import (
+    Described,
+    Layout,
+    check_one_location,
+    misses,
+    read_described,
+    speed_limit,
+    tracks_among,
+)
+from rampcast.formats.steps.vehicles import with_sizes
+from rampcast.formats.tables.rows import Column
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road
+from rampcast.roads.project import on_roads
+from rampcast.sites import Lane, Site
+
+FAR = 10_000.0  # [m] no recorded section is longer
+ROADS = {1: "upper", 2: "lower"}  # drivingDirection: 1 drives to the left in the image, on its upper half
+MARKINGS = {"upper": "upperLaneMarkings", "lower": "lowerLaneMarkings"}
+LONGEST = 200  # letters of a list of markings that a message shows
+NARROWEST, WIDEST = 2.0, 8.0  # [m] lanes that are believed; German motorways have 3.5 to 3.75 m
+
+LAYOUT = Layout(
+    name="highD",
+    tracks=(
+        Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("x", ("x",), low=-FAR, high=FAR),
+        Column("y", ("y",), low=-FAR, high=FAR),
+        Column(c.LENGTH, ("width",), pl.Float32(), 0, 100),
+        Column(c.WIDTH, ("height",), pl.Float32(), 0, 20),
+        Column("v", ("xVelocity",), pl.Float32(), -150, 150),
+        Column("a", ("xAcceleration",), pl.Float32(), -1000, 1000),
+        Column("lane", ("laneId",), pl.Int16(), 0, 100),
+        Column("ahead", ("frontSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
+        Column("behind", ("backSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
+    ),
+    vehicles=(
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("class", ("class",), pl.String()),
+        Column("direction", ("drivingDirection",), pl.Int8(), 1, 2),
+    ),
+    recording=(
+        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        Column("rate", ("frameRate",), low=1, high=1000),
+        Column("location", ("locationId",), pl.Int32(), 0, c.LARGEST),
+        Column("limit", ("speedLimit",), low=-1, high=100),
+        *(Column(name, (spelling,), pl.String()) for name, spelling in MARKINGS.items()),
+    ),
+)
+
+
+def misses_highd(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be one of highD's; None if nothing."""
+    return misses(head, LAYOUT)
+
+
+def read_highd(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the two directions of a highD location, each a recording of its own, and what reading found.
+
+    Args:
+        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
+            these may be among the paths.
+        site: one direction; None takes both, with the lanes of the recording's markings.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as highD's are, or the files are of several locations.
+    """
+    tracks = tracks_among(paths)
+    parts = [_read_part(path, bad_rows) for path in tracks]
+    values = [part.values for part in parts]
+    check_one_location(tracks, values, ("location", "rate", "upper", "lower"))
+    plane = Plane(
+        name=f"highd-{values[0]['location']}",
+        title=f"highD, location {values[0]['location']}",
+        source="highd",
+        rows=pl.concat([part.table for part in parts]),
+        time_step=1 / values[0]["rate"],
+        speed_limit=speed_limit(values[0]),
+        roads=_roads(values[0], length=_length(parts)),
+    )
+    return on_roads(plane, site, join_reports([part.report for part in parts]))
+
+
+def _read_part(path: Path, bad_rows: BadRows) -> Described:
+    found = read_described(path, LAYOUT, bad_rows)
+    values = found.values | {name: _markings(path, name, found.values[name]) for name in MARKINGS}
+    if values["upper"][-1] >= values["lower"][0]:
+        raise FormatError(
+            f"{path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
+            f"{MARKINGS['lower']} begin at {values['lower'][0]}; expected the upper ones above the lower ones"
+        )
+    table, filled = with_sizes(found.table)
+    values["length"] = _seen_length(table)
+    return Described(_in_plane(table, str(values["id"])), values, replace(found.report, sizes_filled=filled))
+
+
+def _seen_length(table: pl.DataFrame) -> float | None:
+    """Returns the length of the image [m]: how far it reaches ahead of each vehicle and behind it; None if not told."""
+    if not {"ahead", "behind"} <= set(table.columns):
+        return None
+    length = table.select((pl.col("ahead") + pl.col("behind")).median()).item()
+    return length if length and length > 0 else None
+
+
+def _markings(path: Path, name: str, text: str) -> list[float]:
+    """Returns the y [m] of the lines beside and between the lanes of one direction, from the top of the image."""
+    where = f"{path}, in the recordingMeta file beside it, {MARKINGS[name]}"
+    try:
+        values = [float(cell) for cell in text.split(";") if cell.strip()]
+    except ValueError as error:
+        raise FormatError(f"{where}: expected numbers separated by ';', found '{text[:LONGEST]}'") from error
+    if len(values) < 2:
+        raise FormatError(f"{where}: expected two markings or more, found '{text[:LONGEST]}'")
+    if not all(NARROWEST <= after - before <= WIDEST for before, after in pairwise(values)):
+        raise FormatError(
+            f"{where}: expected numbers that grow by a lane's width, {NARROWEST:g} to {WIDEST:g} m, found "
+            f"'{text[:LONGEST]}'"
+        )
+    return values
+
+
+def _in_plane(table: pl.DataFrame, recording: str) -> pl.DataFrame:
+    """Returns the rows with y turned up and the front centre as position: front is the side in driving direction."""
+    is_lower = pl.col("direction") == 2
+    forward = pl.when(is_lower).then(1).otherwise(-1).cast(pl.Float32)
+    names = {number: str(number) for number in table["lane"].unique()}
+    return table.select(
+        pl.lit(recording, dtype=pl.Categorical()).alias(c.RECORDING),
+        pl.when(is_lower).then(pl.lit(ROADS[2])).otherwise(pl.lit(ROADS[1])).cast(pl.Categorical()).alias(ROAD),
+        pl.col("id").alias(c.VEHICLE),
+        pl.col("frame").alias(c.FRAME),
+        (pl.col("x") + pl.when(is_lower).then(pl.col(c.LENGTH)).otherwise(0)).alias(PX),
+        (-pl.col("y") - pl.col(c.WIDTH) / 2).alias(PY),
+        pl.col("lane").replace_strict(names, return_dtype=pl.Categorical()).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.col(c.KIND),
+        (pl.col("v") * forward).alias(c.RECORDED_V),
+        (pl.col("a") * forward).alias(c.RECORDED_A),
+    )
+
+
+def _length(parts: Sequence[Described]) -> float:
+    """Returns the length of the image [m], in whole metres so that all recordings of a location have the same.
+
+    Where the files do not tell it, it is that beyond which there is no vehicle.
+    """
+    told = [part.values["length"] for part in parts if part.values["length"]]
+    if told:
+        return float(round(statistics.median(told)))
+    return float(math.ceil(max(float(part.table[PX].to_numpy().max()) for part in parts)))
+
+
+def _roads(values: dict[str, Any], *, length: float) -> tuple[Road, Road]:
+    """Returns both directions; y = 0 is the left edge of each, lanes count from it, and both begin at the image's edge.
+
+    laneId 1 lies above the upper direction, whose lanes follow from above; then comes the median and the lower ones.
+    """
+    upper, lower = values["upper"], values["lower"]
+    upper_names = list(range(2, len(upper) + 1))[::-1]  # the lowest in the image is the leftmost of who drives to -x
+    lower_names = list(range(len(upper) + 2, len(upper) + len(lower) + 1))
+    return (
+        Road(ROADS[1], ((length, -upper[-1]), (0.0, -upper[-1])), _numbered(upper_names, upper[::-1])),
+        Road(ROADS[2], ((0.0, -lower[0]), (length, -lower[0])), _numbered(lower_names, lower)),
+    )
+
+
+def _numbered(names: Sequence[int], markings: Sequence[float]) -> tuple[Lane, ...]:
+    edges = np.abs(np.array(markings) - markings[0])
+    centres = [-float(left + right) / 2 for left, right in pairwise(edges)]
+    return tuple(
+        Lane(number, "main", round(centre, 3), (str(name),))
+        for number, (name, centre) in enumerate(zip(names, centres, strict=True), start=1)
+    )

@@ -1,0 +1,161 @@
+"""What highD and exiD share: NN_tracks.csv, described by NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.steps.vehicles import KINDS, without_vehicles
+from rampcast.formats.tables.columns import MOST_NAMES
+from rampcast.formats.tables.rows import SHOWN, Column, Rows, missing_column, read_rows
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.roads.plane import PLANE_SCHEMA
+
+TRACKS = "tracks"
+COMPANIONS = {"tracksMeta": "the vehicles", "recordingMeta": "the recording"}
+UNLIMITED = 50.0  # [m/s] 180 km/h, where speedLimit is -1: no limit; above what highD's cars drove
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The columns of the three files.
+
+    Attributes:
+        name: of the data set.
+        tracks: columns wanted of NN_tracks.csv, among them "id".
+        vehicles: of NN_tracksMeta.csv, among them "id" and "class".
+        recording: of NN_recordingMeta.csv, among them "id", "location", "rate" and "limit".
+    """
+
+    name: str
+    tracks: tuple[Column, ...]
+    vehicles: tuple[Column, ...]
+    recording: tuple[Column, ...]
+
+
+class Described(NamedTuple):
+    """One recording: its rows with what its other files say of each vehicle, the recording's values, and the report."""
+
+    table: pl.DataFrame
+    values: dict[str, Any]
+    report: ReadReport
+
+
+def misses(head: Head, layout: Layout) -> str | None:
+    """Returns the first thing a file lacks to be one of the three files; None if it is one of them."""
+    if any(missing_column(head, columns) is None for columns in (layout.vehicles, layout.recording)):
+        return None
+    return missing_column(head, layout.tracks)
+
+
+def tracks_among(paths: Sequence[Path]) -> list[Path]:
+    """Returns the files of tracks; those that describe them are read with them.
+
+    Raises:
+        FormatError: a file that only describes tracks is given without these.
+    """
+    tracks = [path for path in paths if _kind(path) == TRACKS]
+    given = {(path.parent, _number(path, TRACKS)) for path in tracks}
+    for path in paths:
+        kind = _kind(path)
+        if kind != TRACKS and (path.parent, _number(path, kind)) not in given:
+            raise FormatError(
+                f"{path}: this file only describes {COMPANIONS[kind]} of {_number(path, kind)}_tracks.csv. Give that "
+                "file: what lies beside it is read with it"
+            )
+    return tracks
+
+
+def read_described(path: Path, layout: Layout, bad_rows: BadRows) -> Described:
+    """Returns one recording; its table has the vehicles' columns too, and `kind` for "class".
+
+    Raises:
+        FormatError: a file is missing or not as the layout says, or a vehicle is not described or of no known class
+            and such are not to be skipped.
+    """
+    rows = read_rows(path, layout.tracks, bad_rows=bad_rows)
+    recording = read_rows(_beside(path, "recordingMeta", layout), layout.recording, bad_rows=bad_rows)
+    if recording.table.height != 1:
+        raise FormatError(f"{recording.file}: expected one row, that of the recording, found {recording.table.height}")
+    vehicles = read_rows(_beside(path, "tracksMeta", layout), layout.vehicles, bad_rows=bad_rows)
+    unknown, known = _with_kinds(vehicles, bad_rows)
+    rows = without_vehicles(rows, rows.table["id"].is_in(unknown["id"].implode()), _reason(unknown), bad_rows)
+    rows = _with_vehicles(rows, known, bad_rows)
+    return Described(rows.table, recording.table.row(0, named=True), rows.report(f"{layout.name} tracks"))
+
+
+def check_one_location(paths: Sequence[Path], recordings: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
+    """Raises FormatError where recordings of one place differ in values that its recordings share."""
+    for path, values in zip(paths, recordings, strict=True):
+        for name in names:
+            if values[name] != recordings[0][name]:
+                raise FormatError(
+                    f"{path}: its {name} is {values[name]}, that of {paths[0].name} is {recordings[0][name]}. "
+                    "Convert recordings of different places by themselves"
+                )
+
+
+def speed_limit(recording: Mapping[str, Any]) -> float:
+    """Returns the speed limit [m/s]; the files have -1 where there is none."""
+    limit = float(recording["limit"])
+    return limit if limit > 0 else UNLIMITED
+
+
+def _kind(path: Path) -> str:
+    return next((kind for kind in COMPANIONS if f"_{kind}" in path.name), TRACKS)
+
+
+def _number(path: Path, kind: str) -> str:
+    return path.name.rpartition(f"_{kind}")[0]
+
+
+def _beside(path: Path, kind: str, layout: Layout) -> Path:
+    number, found, ending = path.name.rpartition(f"_{TRACKS}")
+    for name in (f"{number}_{kind}{ending}", f"{number}_{kind}.csv"):
+        other = path.with_name(name)
+        if found and other.is_file():
+            return other
+    raise FormatError(
+        f"{path}: {layout.name}'s {number or 'NN'}_{kind}.csv is not beside it. Expected NN_tracks.csv, "
+        "NN_tracksMeta.csv and NN_recordingMeta.csv in one folder, with their original names"
+    )
+
+
+def _with_kinds(vehicles: Rows, bad_rows: BadRows) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Returns the vehicles of a class that is not known, if they are to be skipped; and all others with `kind` for it.
+
+    Both are sorted by id.
+    """
+    table = vehicles.table.sort("id")
+    twice = table.filter(pl.col("id").is_duplicated())
+    if twice.height:
+        raise FormatError(f"{vehicles.file}: vehicle {twice['id'][0]} is described twice; get the file again")
+    kinds = pl.col("class").cast(pl.String).str.to_lowercase()
+    unknown, known = table.filter(~kinds.is_in(list(KINDS))), table.filter(kinds.is_in(list(KINDS)))
+    if unknown.height and bad_rows is BadRows.RAISE:
+        raise FormatError(
+            f"{vehicles.file}: vehicle {unknown['id'][0]} {_reason(unknown)}. Rows of such vehicles are skipped with "
+            "--skip-bad-rows"
+        )
+    kind = kinds.replace_strict(KINDS, return_dtype=PLANE_SCHEMA[c.KIND]).alias(c.KIND)
+    return unknown, known.select(pl.exclude("class"), kind)
+
+
+def _reason(unknown: pl.DataFrame) -> str:
+    """Returns what is wrong with vehicles of a class that is not known."""
+    names = ", ".join(f"'{name[:SHOWN]}'" for name in unknown["class"].unique().sort().head(MOST_NAMES))
+    return f"is of class {names}; expected one of {', '.join(KINDS)}"
+
+
+def _with_vehicles(rows: Rows, vehicles: pl.DataFrame, bad_rows: BadRows) -> Rows:
+    """Returns the rows with what is known of their vehicles, which are sorted by id."""
+    reason = "it is not in the tracksMeta file beside this one. Get both files again"
+    rows = without_vehicles(rows, ~rows.table["id"].is_in(vehicles["id"].implode()), reason, bad_rows)
+    index = np.searchsorted(vehicles["id"].to_numpy(), rows.table["id"].to_numpy())
+    return replace(rows, table=rows.table.hstack(vehicles.drop("id")[index]))

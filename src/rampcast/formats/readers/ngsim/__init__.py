@@ -1,0 +1,1 @@
+"""NGSIM's freeway recordings."""

@@ -1,0 +1,1 @@
+"""Plain tables: our own form, or any other with a mapping."""

@@ -1,0 +1,340 @@
+"""A plain table of trajectories: rampcast's own documented columns, or any others by a mapping file.
+
+The own form is in SI units: x along the road, y to its left, both of the front centre; see docs/formats/plain.md.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head, look, plain
+from rampcast.formats.readers.plain.frames import with_frames
+from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
+from rampcast.formats.steps.motion import directions
+from rampcast.formats.steps.vehicles import whole_ids, with_sizes
+from rampcast.formats.tables.columns import MOST_NAMES, SHOWN
+from rampcast.formats.tables.rows import Column, read_rows
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.recording.recording import METADATA_KEY
+from rampcast.recording.translation import as_words, translated
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane, Road
+from rampcast.roads.project import on_roads
+from rampcast.sites import Lane, Site
+from rampcast.sites.site import LANE_WIDTH, NO_LANE
+from rampcast.sites.values import close_name
+
+NAME = "plain"
+REQUIRED = ("vehicle", "time", "x", "y", "lane")
+OPTIONAL = ("recording", "frame", "length", "width", "kind", "speed", "acceleration")
+MAY_BE_BLANK = ("lane", "length", "width", "kind", "speed", "acceleration", "heading")
+# Type of each value, and the least and the largest that is believed, in SI.
+TYPES: dict[str, tuple[Any, float, float]] = {
+    "recording": (pl.Categorical(), 0, 0),
+    "vehicle": (pl.Categorical(), 0, 0),
+    "kind": (pl.Categorical(), 0, 0),
+    "frame": (pl.Int64(), -(2.0**31), 2.0**31 - 1),
+    "time": (pl.Float64(), -1e10, 1e10),  # seconds since 1970 are 2e9 in the year 2033
+    "x": (pl.Float64(), -1e7, 1e7),  # metres of a map projection
+    "y": (pl.Float64(), -1e7, 1e7),
+    "heading": (pl.Float32(), -100, 100),
+    "lane": (pl.Int16(), 0, 1000),
+    "length": (pl.Float32(), 0, 100),
+    "width": (pl.Float32(), 0, 20),
+    "speed": (pl.Float32(), -150, 150),
+    "acceleration": (pl.Float32(), -1000, 1000),
+}
+
+
+def misses_plain(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be a table in rampcast's own columns; None if nothing."""
+    if METADATA_KEY in head.metadata:
+        return f"metadata '{METADATA_KEY}': a recording that rampcast wrote"
+    if not head.names:
+        return "no header that names columns"
+    found = {plain(name) for name in head.names}
+    return next((f"no column '{name}'" for name in REQUIRED if name not in found), None)
+
+
+def read_plain(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the recording in tables with rampcast's own columns, and what reading found.
+
+    Args:
+        paths: csv or parquet files of one road; each is a part of its own unless a column `recording` says otherwise.
+        site: the road, whose lane numbers the tables use; None drafts it from the lanes in them.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file lacks a column, has a bad row and those are not to be skipped, or holds no trajectories.
+    """
+    known = {plain(name): name for path in paths for name in look(path).names}
+    entries = {name: Entry(column=name) for name in (*REQUIRED, *OPTIONAL) if name in known}
+    for name in REQUIRED:
+        advice = "; a table of frames alone needs a mapping that says how long one is" if name == "time" else ""
+        entries.setdefault(name, Entry(column=name))
+        if name not in known:
+            raise FormatError(f"{', '.join(map(str, paths))}: no column '{name}'{advice} (docs/formats/plain.md)")
+    return read_mapped(paths, TableMapping(path="", vehicles=(entries,), name=NAME, title="Table"), site, bad_rows)
+
+
+def read_mapped(
+    paths: Sequence[Path], mapping: TableMapping, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the recordings in tables whose columns a mapping describes, and what reading found.
+
+    Args:
+        paths: csv or parquet files of one place.
+        mapping: what their columns are.
+        site: the road; None takes the mapping's, or drafts it.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: as `read_plain`.
+    """
+    parts, report = _read(paths, mapping, bad_rows)
+    site = site or mapping.site
+    table, time_step, slips = with_frames(
+        _parts(parts, site.name if site else mapping.name), mapping.time_step, files=report.files
+    )
+    table, filled = _with_sizes(table)
+    ids, renumbered = whole_ids(table[c.VEHICLE])
+    table = _with_y(table.with_columns(ids.alias(c.VEHICLE)), site)
+    plane = Plane(
+        name=mapping.name,
+        title=mapping.title,
+        source=NAME,
+        rows=_front(_with_heading(table, mapping, time_step), mapping.reference),
+        time_step=time_step,
+        simulated=mapping.simulated,
+        roads=() if mapping.plane else _roads(table),
+    )
+    report = replace(report, sizes_filled=filled, vehicles_renumbered=renumbered, clock_slips=slips)
+    recordings, report = on_roads(plane, _with_sources(site), report)
+    return tuple(replace(one, site=site or one.site) for one in recordings), report
+
+
+def _read(paths: Sequence[Path], mapping: TableMapping, bad_rows: BadRows) -> tuple[list[pl.DataFrame], ReadReport]:
+    """Returns the vehicles of each file in SI, one table for each vehicle of a row, and what reading found."""
+    _check_names(paths, mapping)
+    parts: list[pl.DataFrame] = []
+    reports: list[ReadReport] = []
+    for path in paths:
+        _check_columns(look(path), mapping)
+        rows = read_rows(path, _columns(mapping), bad_rows=bad_rows)
+        reports.append(rows.report(f"table by {mapping.path}" if mapping.path else "plain table"))
+        parts.extend(_vehicle(rows.table, entries, mapping, path) for entries in mapping.vehicles)
+    return parts, join_reports(reports)
+
+
+def _check_names(paths: Sequence[Path], mapping: TableMapping) -> None:
+    """Raises if parts that are named for their files would have the same name: their vehicles would be mixed up."""
+    if all("recording" in entries for entries in mapping.vehicles):
+        return
+    names = [_part_of(path) for path in paths]
+    for path, name in zip(paths, names, strict=True):
+        if names.count(name) > 1:
+            raise FormatError(
+                f"{path}: there are two files called '{name}', for which the parts of the recording are named; give "
+                "each file once, name one another way, or say in a column 'recording' which part a row is of"
+            )
+
+
+def _part_of(path: Path) -> str:
+    """Returns the name of the part that a file is."""
+    return path.name.partition(".")[0]
+
+
+def _check_columns(head: Head, mapping: TableMapping) -> None:
+    """Raises if the file lacks a column that the mapping names."""
+    if not head.names:
+        raise FormatError(f"{head.name}: expected a csv whose first line names its columns, or a parquet file")
+    found = {plain(name) for name in head.names}
+    for column, name in mapping.columns.items():
+        if plain(column) not in found and not mapping.path:
+            raise FormatError(
+                f"{head.name}: no column '{column}', which another of the files has. Give all of them the same "
+                "columns, or convert each by itself"
+            )
+        if plain(column) not in found:
+            names = ", ".join(head.names[:MOST_NAMES])
+            hint = close_name(column, head.names) or f"; its columns are {names}. Mend either"
+            raise FormatError(f"{head.name}: no column '{column[:SHOWN]}', which {mapping.path} names for {name}{hint}")
+
+
+def _columns(mapping: TableMapping) -> tuple[Column, ...]:
+    """Returns the columns to read, in the file's units; one that is used twice is believed what both uses believe."""
+    found: dict[str, Column] = {}
+    for entries in mapping.vehicles:
+        for name, entry in entries.items():
+            if not entry.column:
+                continue
+            one = _column(name, entry, is_alone=len(mapping.vehicles) == 1)
+            other = found.setdefault(entry.column, one)
+            if one.is_text != other.is_text:
+                what = f"column '{entry.column}' is read as text and as a number; leave out one"
+                raise FormatError(f"{mapping.path}: {what}")
+            found[entry.column] = replace(
+                one,
+                type=one.type if one.type == other.type else pl.Float64(),
+                low=min(one.low, other.low),
+                high=max(one.high, other.high),
+                may_be_blank=one.may_be_blank or other.may_be_blank,
+            )
+    return tuple(found.values())
+
+
+def _column(name: str, entry: Entry, *, is_alone: bool) -> Column:
+    """Returns a column to read; where a row holds several vehicles, some of them may be absent."""
+    kind, low, high = TYPES[name]
+    kind = pl.Categorical() if entry.values else kind
+    ends = sorted((end - entry.plus * abs(entry.factor)) / entry.factor for end in (low, high))
+    may_be_blank = name in MAY_BE_BLANK or not (is_alone or name in ("frame", "time"))
+    return Column(entry.column, (entry.column,), kind, ends[0], ends[1], may_be_blank=may_be_blank)
+
+
+def _vehicle(table: pl.DataFrame, entries: Mapping[str, Entry], mapping: TableMapping, path: Path) -> pl.DataFrame:
+    """Returns one vehicle of each row in SI, without the rows in which it is absent."""
+    values = {name: _values(table, name, entry, mapping, path) for name, entry in entries.items()}
+    if "recording" not in values:
+        values["recording"] = pl.lit(_part_of(path), pl.Categorical())
+    rows = table.select(values[name].alias(name) if name in values else _nothing(name) for name in TYPES)
+    if len(mapping.vehicles) > 1:
+        rows = rows.filter(pl.col("vehicle").is_not_null() & pl.col("x").is_not_null())
+    if mapping.absent:
+        rows = rows.filter(~pl.col("vehicle").cast(pl.String).is_in(mapping.absent))
+    return rows
+
+
+def _parts(tables: Sequence[pl.DataFrame], site: str) -> pl.DataFrame:
+    """Returns the tables as one, and the parts of a recording without the site's name, which all recordings have."""
+    table = pl.concat(tables)
+    words = table[c.RECORDING].unique().drop_nulls()
+    names = words.cast(pl.String).str.strip_prefix(f"{site}-")
+    if names.equals(words.cast(pl.String)):
+        return table
+    return table.with_columns(pl.col(c.RECORDING).replace_strict(words, names, return_dtype=pl.Categorical()))
+
+
+def _nothing(name: str) -> pl.Expr:
+    return pl.lit(None, PLANE_SCHEMA[c.KIND] if name == "kind" else TYPES[name][0]).alias(name)
+
+
+def _values(table: pl.DataFrame, name: str, entry: Entry, mapping: TableMapping, path: Path) -> pl.Expr:
+    kind = PLANE_SCHEMA[c.KIND] if name == "kind" else TYPES[name][0]
+    if entry.constant is not None:
+        return pl.lit(entry.constant).cast(kind)
+    if name in TEXTS or entry.values:
+        return pl.lit(_words(table[entry.column], name, entry, kind, f"{path}: {entry.column}"))
+    cell = pl.col(entry.column)
+    cell = cell.fill_nan(None) if table.schema[entry.column].is_float() else cell
+    if entry.factor != 1 or entry.plus:
+        cell = cell.cast(pl.Float64) * entry.factor + entry.plus * abs(entry.factor)
+    return cell.round().cast(kind) if name == "frame" and table.schema[entry.column].is_float() else cell.cast(kind)
+
+
+def _words(words: pl.Series, name: str, entry: Entry, kind: Any, place: str) -> pl.Series:
+    """Returns texts without the ".0" of whole numbers that were floats, as the mapping translates them, of a kind."""
+    unique = words.unique().drop_nulls()
+    plainly = unique.cast(pl.String).str.replace(r"^(-?\d+)\.0+$", "$1").str.strip_chars()
+    known = dict(entry.values) or ({kind: kind for kind in c.KINDS} if name == "kind" else {})
+    unknown = sorted(set(plainly) - set(known)) if known else []
+    if unknown:
+        where = "are listed under its values" if entry.values else "rampcast knows"
+        raise FormatError(
+            f"{place} holds '{unknown[0][:SHOWN]}', which is no {name}; {', '.join(one[:SHOWN] for one in known)} "
+            f"{where}. Say in a mapping what it means: values = {{ {unknown[0][:SHOWN]!r} = ... }}"
+        )
+    new = plainly.replace_strict(known) if known else plainly
+    if not known and new.equals(unique.cast(pl.String)):
+        return words.cast(kind)
+    return translated(words, unique, new.cast(kind))
+
+
+def _with_sizes(table: pl.DataFrame) -> tuple[pl.DataFrame, int]:
+    """Returns the rows with the sizes that the vehicle has in other rows, else typical ones, and how many were typical.
+
+    A vehicle of no kind is a car.
+    """
+    table = table.with_columns(pl.col(c.KIND).fill_null("car"))
+    own = (
+        pl.col(name).fill_null(pl.col(name).drop_nulls().first().over(c.RECORDING, c.VEHICLE))
+        for name in (c.LENGTH, c.WIDTH)
+        if 0 < table[name].null_count() < table.height
+    )
+    return with_sizes(table.with_columns(own))
+
+
+def _with_y(table: pl.DataFrame, site: Site | None) -> pl.DataFrame:
+    """Returns the rows with the y of their lane's centre where they have none.
+
+    One of no lane is put a lane's width beside the leftmost, where it is in no lane.
+    """
+    if not table[c.Y].has_nulls():
+        return table
+    lanes = site.lanes if site else [Lane(n, "main", (0.5 - n) * LANE_WIDTH) for n in table[c.LANE].unique() if n]
+    centres = {lane.number: lane.centre for lane in lanes}
+    beside = max(centres.values(), default=0.0) + LANE_WIDTH
+    known = pl.col(c.LANE).replace_strict(centres, default=beside, return_dtype=pl.Float64)
+    return table.with_columns(pl.col(c.Y).fill_null(known))
+
+
+def _with_heading(table: pl.DataFrame, mapping: TableMapping, time_step: float) -> pl.DataFrame:
+    """Returns the rows with a heading [rad] where they have none: along the road; in a plane, as the vehicle moves."""
+    if mapping.reference == "front" or not table["heading"].has_nulls():
+        return table
+    if not mapping.plane:
+        return table.with_columns(pl.col("heading").fill_null(0.0))
+    table = table.sort(c.RECORDING, c.VEHICLE, c.FRAME)
+    track = table.select(pl.struct(c.RECORDING, c.VEHICLE).rle_id().cast(pl.Int64)).to_series().to_numpy()
+    ux, uy = directions(track, table[c.X].to_numpy(), table[c.Y].to_numpy(), time_step=time_step)
+    return table.with_columns(pl.col("heading").fill_null(pl.Series(np.arctan2(uy, ux))))
+
+
+def _front(table: pl.DataFrame, reference: str) -> pl.DataFrame:
+    """Returns the rows of a plane: positions moved to the front centre."""
+    ahead, left = REFERENCES[reference]
+    px, py = pl.col(c.X), pl.col(c.Y)
+    if reference != "front":
+        heading = pl.col("heading").cast(pl.Float64)
+        along, across = ahead * pl.col(c.LENGTH).cast(pl.Float64), left * pl.col(c.WIDTH).cast(pl.Float64)
+        px = px + along * heading.cos() - across * heading.sin()
+        py = py + along * heading.sin() + across * heading.cos()
+    return table.select(
+        pl.col(c.RECORDING),
+        pl.lit(None, PLANE_SCHEMA[ROAD]).alias(ROAD),
+        pl.col(c.VEHICLE),
+        pl.col(c.FRAME),
+        px.alias(PX),
+        py.alias(PY),
+        pl.when(pl.col(c.LANE) > NO_LANE).then(as_words(table[c.LANE])).alias(SOURCE_LANE),
+        pl.col(c.LENGTH),
+        pl.col(c.WIDTH),
+        pl.col(c.KIND),
+        pl.col("speed").alias(c.RECORDED_V),
+        pl.col("acceleration").alias(c.RECORDED_A),
+    )
+
+
+def _roads(table: pl.DataFrame) -> tuple[Road, ...]:
+    """Returns the road of a table along the road: x as it is, and the lanes by their numbers, centred on their rows."""
+    x = table[c.X].to_numpy()
+    start = min(float(np.floor(x.min())), 0.0)  # a road begins at x = 0: one that began before is moved
+    end = max(float(np.ceil(x.max())), start + 1.0)
+    centres = table.filter(pl.col(c.LANE) > NO_LANE).group_by(c.LANE).agg(pl.col(c.Y).median()).sort(c.LANE)
+    lanes = tuple(Lane(number, "main", round(centre, 3), (str(number),)) for number, centre in centres.iter_rows())
+    return (Road("", ((start, 0.0), (end, 0.0)), lanes),)
+
+
+def _with_sources(site: Site | None) -> Site | None:
+    """Returns the site with its lane numbers as the names of its lanes, where it names none itself."""
+    if site is None or any(lane.sources for lane in site.lanes):
+        return site
+    return replace(site, lanes=tuple(replace(lane, sources=(str(lane.number),)) for lane in site.lanes))

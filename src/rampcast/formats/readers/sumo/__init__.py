@@ -1,0 +1,1 @@
+"""SUMO's floating-car data."""

@@ -1,0 +1,142 @@
+"""TGSIM: 10 Hz trajectories of American freeways filmed from the air, of the US Federal Highway Administration.
+
+Positions are taken as the vehicles' centres, in the plane of an aerial image; the source gives no heading.
+Source of columns and codes: the data sets' pages on data.transportation.gov; see docs/formats/tgsim.md.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool
+
+from rampcast.formats.files.head import Head
+from rampcast.formats.steps.clock import numbered
+from rampcast.formats.steps.motion import directions
+from rampcast.formats.steps.vehicles import with_sizes
+from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.order import is_sorted
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.recording.translation import as_words
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.project import on_roads
+from rampcast.sites import Site
+
+TIME_STEP = 0.1  # [s]
+FAR = 100_000.0  # [m] no image reaches as far
+KINDS = {  # type-most-common without the ending "-vehicle"; codes are those of I-395. Any other is a car
+    "2": "truck",
+    "3": "truck",
+    "large": "truck",
+    "truck": "truck",
+    "bus": "truck",
+    "motorcycle": "motorcycle",
+}
+
+COLUMNS = (
+    Column("id", ("ID",), pl.Int32(), 0, c.LARGEST),
+    Column("time", ("time",), low=0, high=c.LARGEST * TIME_STEP),
+    Column("px", ("xloc-kf",), low=-FAR, high=FAR),
+    Column("py", ("yloc-kf",), low=-FAR, high=FAR),
+    Column("lane", ("lane-kf",), pl.Int16(), -1000, 1000, may_be_blank=True),
+    Column("v", ("speed-kf",), pl.Float32(), -150, 150, may_be_blank=True),
+    Column("a", ("acceleration-kf",), pl.Float32(), -1000, 1000, optional=True, may_be_blank=True),
+    Column("length", ("length-smoothed",), pl.Float32(), 0, 100, may_be_blank=True),
+    Column("width", ("width-smoothed",), pl.Float32(), 0, 20, optional=True, may_be_blank=True),
+    Column("type", ("type-most-common",), pl.Categorical(), may_be_blank=True),
+    Column("run", ("run-index",), pl.Categorical(), optional=True),
+)
+
+
+def misses_tgsim(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be TGSIM's; None if nothing."""
+    return missing_column(head, COLUMNS)
+
+
+def read_tgsim(
+    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the recordings in TGSIM files of one place, one a road, each run a part; and what reading found.
+
+    Args:
+        paths: csv or parquet files, with hyphens or underscores in the names of columns.
+        site: one road; None drafts every road from the tracks.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is missing or not as TGSIM's are.
+    """
+    parts, reports = [], []
+    for number, path in enumerate(paths, start=1):
+        found = read_rows(path, COLUMNS, bad_rows=bad_rows)
+        rows, filled = with_sizes(_completed(found.table, run=str(number)))
+        parts.append(rows)
+        reports.append(found.report("TGSIM trajectories"))
+        reports[-1] = join_reports([reports[-1], ReadReport((), (), 0, sizes_filled=filled)])
+    rows = pl.concat(parts)
+    frames, slips = numbered(", ".join(map(str, paths)), rows["time"], TIME_STEP)
+    rows = rows.with_columns(pl.Series(c.FRAME, frames))
+    plane = Plane("tgsim", "TGSIM", "tgsim", _in_plane(rows), TIME_STEP)
+    return on_roads(plane, site, join_reports([*reports, ReadReport((), (), 0, clock_slips=slips)]))
+
+
+def _completed(table: pl.DataFrame, *, run: str) -> pl.DataFrame:
+    """Returns the rows with kinds and names of runs (one of its own for a file without), and nothing for what it lacks.
+
+    Args:
+        table: the rows of a file.
+        run: name of its run where it names none: ids repeat across files.
+    """
+    absent = {
+        column.name: pl.lit(run if column.name == "run" else None, column.type)
+        for column in COLUMNS
+        if column.name not in table.columns
+    }
+    table = table.with_columns(**absent)
+    kinds = {name: _kind(name) for name in table["type"].unique().drop_nulls()}
+    runs = {name: _code(name) for name in table["run"].unique()}
+    return table.with_columns(
+        pl.col("type").replace_strict(kinds, default="car", return_dtype=PLANE_SCHEMA[c.KIND]).alias(c.KIND),
+        pl.col("run").replace_strict(runs, return_dtype=PLANE_SCHEMA[c.RECORDING]),
+    )
+
+
+def _kind(name: str) -> str:
+    return KINDS.get(_code(name).lower().replace("_", "-").removesuffix("-vehicle"), "car")
+
+
+def _code(name: str) -> str:
+    """Returns a name without the ".0" that some programs write behind whole numbers."""
+    return name.strip().removesuffix(".0")
+
+
+def _in_plane(rows: pl.DataFrame) -> pl.DataFrame:
+    """Returns the rows with front centres: half a length ahead of the centre in the direction of travel."""
+    key = rows.select(pl.col("run").alias(c.RECORDING), pl.col("id").alias(c.VEHICLE), c.FRAME)
+    rows = rows if is_sorted(key) else rows.sort("run", "id", c.FRAME)
+    track = np.cumsum(_starts(rows))
+    ux, uy = directions(track, rows["px"].to_numpy(), rows["py"].to_numpy(), time_step=TIME_STEP)
+    half = rows[c.LENGTH].to_numpy() / 2
+    return rows.select(
+        pl.col("run").alias(c.RECORDING),
+        pl.lit(None, PLANE_SCHEMA[ROAD]).alias(ROAD),
+        pl.col("id").alias(c.VEHICLE),
+        c.FRAME,
+        (pl.col("px") + pl.Series(ux * half)).alias(PX),
+        (pl.col("py") + pl.Series(uy * half)).alias(PY),
+        as_words(rows["lane"]).alias(SOURCE_LANE),
+        c.LENGTH,
+        c.WIDTH,
+        c.KIND,
+        pl.col("v").alias(c.RECORDED_V),
+        pl.col("a").alias(c.RECORDED_A),
+    )
+
+
+def _starts(rows: pl.DataFrame) -> Bool[np.ndarray, "row"]:
+    """Returns whether each row is of another run or vehicle than the one before."""
+    run, vehicle = rows["run"].to_physical().to_numpy(), rows["id"].to_numpy()
+    return np.r_[True, (run[1:] != run[:-1]) | (vehicle[1:] != vehicle[:-1])]

@@ -1,0 +1,1 @@
+"""Steps that several readers share: units, clock, motion, vehicles."""

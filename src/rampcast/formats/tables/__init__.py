@@ -1,0 +1,1 @@
+"""The engine for tables, csv or parquet: read in chunks, bad rows named."""

@@ -1,0 +1,184 @@
+"""Rows of tables with named columns, csv or parquet: a fast path, and a careful one that finds each bad row.
+
+A format lists the columns it wants; what is not listed is not read. Files are read in chunks, so a whole text is never
+in memory; a chunk in which anything is not as expected is read again with care.
+"""
+
+import io
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import BYTE_ORDER_MARK, SIZE, Head, Header, find_header, look, plain
+from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
+from rampcast.formats.tables.columns import SHOWN, Column, Layout, Rows, advice, missing, place_of, read_cell
+from rampcast.formats.tables.rows_careful import parse_carefully
+from rampcast.formats.tables.rows_parquet import read_parquet
+from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
+
+BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
+FLOATS = (pl.Float32, pl.Float64)
+PIECE = 1 << 20  # [bytes] read with care together: as Python's own objects lines take twenty times their size
+
+__all__ = ["SHOWN", "Column", "Rows", "missing_column", "read_cell", "read_rows"]
+
+
+def missing_column(head: Head, columns: Sequence[Column]) -> str | None:
+    """Returns the first thing a file lacks to have these columns, in words; None if it has them all."""
+    if not head.names:
+        return "no header that names columns"
+    found = {plain(name) for name in head.names}
+    for column in columns:
+        if not column.optional and not found.intersection(map(plain, column.spellings)):
+            return f"no column '{column.spellings[0]}'"
+    return None
+
+
+def read_rows(path: Path, columns: Sequence[Column], *, bad_rows: BadRows = BadRows.RAISE) -> Rows:
+    """Returns the rows of a csv (plain, or in a .gz or .zip) or parquet file.
+
+    Raises:
+        FormatError: the file is not there, lacks a column or any row, or has a bad row and those are not to be skipped.
+    """
+    head = look(path)
+    rows = read_parquet(head, columns, bad_rows) if head.is_parquet else _read_csv(path, columns, bad_rows)
+    if not rows.table.height and rows.faults:
+        raise FormatError(f"{rows.file}: none of its {rows.faults_counted:,} rows can be read. {rows.faults[0]}")
+    if not rows.table.height:
+        raise FormatError(f"{rows.file}: the file has a header but no rows; get the file again")
+    return rows
+
+
+def _read_csv(path: Path, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
+    with open_source(path) as (name, stream):
+        chunks = read_chunks(name, stream)
+        first = next(chunks, b"")
+        layout = _layout(name, find_header(first[:SIZE]), columns)
+        body = _skip(first, layout)
+        parts: list[pl.DataFrame] = []
+        faults: list[BadRow] = []
+        line, counted = layout.header.lines + 1, 0
+        for chunk, (lines, found) in parse_ahead(chain([body], chunks), lambda chunk: _parse(chunk, layout)):
+            for table, bad in [(found, [])] if found is not None else _carefully(chunk, layout, line):
+                if bad and bad_rows is BadRows.RAISE:
+                    raise FormatError(advice(bad[0]))
+                parts.append(table)
+                faults.extend(bad[: MOST_LISTED - len(faults)])
+                counted += len(bad)
+            line += lines
+    return Rows(name, pl.concat(parts, rechunk=True), tuple(faults), counted)
+
+
+def _carefully(chunk: bytes, layout: Layout, first_line: int) -> Iterator[tuple[pl.DataFrame, list[BadRow]]]:
+    """Yields the good and the bad rows of each piece of a chunk."""
+    start = 0
+    while start < len(chunk):
+        end = chunk.find(b"\n", start + PIECE) + 1 or len(chunk)
+        yield parse_carefully(chunk[start:end], layout, first_line)
+        first_line += _count(chunk[start:end], b"\n")
+        start = end
+
+
+def _skip(chunk: bytes, layout: Layout) -> bytes:
+    start = 0
+    for _ in range(layout.header.lines):
+        start = chunk.find(b"\n", start) + 1 or len(chunk)
+    return chunk[start:]
+
+
+def _layout(name: str, header: Header | None, columns: Sequence[Column]) -> Layout:
+    if header is None:
+        names = ", ".join(column.spellings[0] for column in columns if not column.optional)
+        raise FormatError(f"{name}: expected a csv whose first line names its columns, among them {names}")
+    where, wanted = f"{name}, line {header.lines}", []
+    for column in columns:
+        index = place_of(column, header.names, where)
+        if index is None and not column.optional:
+            raise FormatError(f"{where}: {missing(column, header.names)}")
+        if index is not None:
+            wanted.append((index, column))
+    return Layout(name, header, tuple(sorted(wanted, key=lambda pair: pair[0])))
+
+
+def _parse(chunk: bytes, layout: Layout) -> tuple[int, pl.DataFrame | None]:
+    """Returns the number of line ends in a chunk of whole lines, and its rows; None if anything is not as expected."""
+    ends = _count(chunk, b"\n")
+    text = _without_blank_ends(chunk.removeprefix(BYTE_ORDER_MARK))
+    rows = (ends if text is chunk else _count(text, b"\n")) + (not text.endswith(b"\n"))
+    return ends, _parse_text(text, rows, layout) if text else pl.DataFrame(schema=layout.schema)
+
+
+def _parse_text(text: bytes, rows: int, layout: Layout) -> pl.DataFrame | None:
+    if _count(text, layout.header.separator.encode()) != rows * (len(layout.header.names) - 1):
+        return None
+    quotes = text.count(b'"') if b'"' in text else 0  # to look for one is many times faster than to count them
+    if quotes % 2:
+        return None
+    if quotes:  # no separator stands between quotes, or there would be more of them
+        text = text.replace(b'"', b"")
+    table = _read_text(text, layout, {})
+    if table is None:  # some programs write 2.0 for a whole number
+        table = _read_text(text, layout, {column.name: pl.Float64() for _, column in layout.wanted if column.is_whole})
+    if table is None or table.height != rows:
+        return None
+    table = table.drop_nulls(layout.keys) if layout.keys else table
+    blank = [column.name for _, column in layout.wanted if column.may_be_blank and column.type in FLOATS]
+    table = table.with_columns(pl.col(blank).fill_nan(None)) if blank else table
+    return None if _breaks_rules(table, layout) else table
+
+
+def _without_blank_ends(text: bytes) -> bytes:
+    """Returns the text without blank lines around it; a copy only where there are any."""
+    is_clean = text[:1] not in (b"\r", b"\n") and not text.endswith((b"\n\n", b"\n\r\n", b"\r\r\n", b"\r"))
+    return text if is_clean else text.strip(b"\r\n")
+
+
+def _count(text: bytes, letter: bytes) -> int:
+    """Returns how often a letter occurs; `bytes.count` takes three times as long, and other threads wait for it."""
+    letters = np.frombuffer(text, np.uint8)
+    parts = (letters[start : start + BLOCK] for start in range(0, len(letters), BLOCK))
+    return sum(int(np.count_nonzero(part == ord(letter))) for part in parts)
+
+
+def _read_text(text: bytes, layout: Layout, types: dict[str, Any]) -> pl.DataFrame | None:
+    names = [f"{index}" for index in range(len(layout.header.names))]
+    schema: dict[str, Any] = dict.fromkeys(names, pl.String())
+    schema |= {names[index]: types.get(column.name, column.type) for index, column in layout.wanted}
+    try:
+        table = pl.read_csv(
+            io.BytesIO(text),
+            has_header=False,
+            separator=layout.header.separator,
+            quote_char=None,
+            columns=[index for index, _ in layout.wanted],
+            schema=schema,
+        )
+        table = table.select(pl.col(names[index]).alias(column.name) for index, column in layout.wanted)
+        if not types:
+            return table
+        whole = table.select((pl.col(name) == pl.col(name).round()).all() for name in types).row(0)
+        return table.cast(pl.Schema(layout.schema)) if all(whole) else None
+    except pl.exceptions.PolarsError:
+        return None
+
+
+def _breaks_rules(table: pl.DataFrame, layout: Layout) -> bool:
+    """Returns whether a cell is blank, not finite or out of range where it must not be."""
+    checks = []
+    for _, column in layout.wanted:
+        cell = pl.col(column.name)
+        if not column.may_be_blank:
+            checks.append(cell.has_nulls())
+        if column.is_text:  # a cell that is blank or has spaces around it
+            checks.append(cell.unique().cast(pl.String).str.contains(r"^$|^\s|\s$").any())
+        if column.type in FLOATS:
+            checks.append(~cell.sum().is_finite())  # a sum too large to be finite only leads to the careful path
+        if not column.is_text:
+            checks.append((cell.min() < column.low) | (cell.max() > column.high))
+    found = table.select(check.fill_null(False).alias(f"{index}") for index, check in enumerate(checks))
+    return any(found.row(0))

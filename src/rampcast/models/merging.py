@@ -1,0 +1,203 @@
+"""When a vehicle on the ramp merges: a discrete-time hazard of the state of its surroundings.
+
+The probability to change lane within the next 0.2 s is logistic in what a driver may look at: the gap beside, how fast
+it opens or closes and for how long it has been there, how far the lane has gone and still goes, and, near t = 0, how
+the vehicle lies and moves in its lane. It is learned from what the roll-outs say of the surroundings at each step, not
+from what they really became: so it counts on as much as can be known. Vehicles that leave the recording before they
+merge count up to then. Upstream of where the first training vehicle merged nobody merges.
+
+Source: Cox 1972 and Allison 1982 for hazards in discrete time; Ahmed 1999 for the choice of what drivers look at.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
+from sklearn.linear_model import LogisticRegression
+
+from rampcast.compute import jnp
+from rampcast.horizon import STEP
+
+NEAREST, FARTHEST = 1.0, 60.0  # [m] within which a gap matters
+LANE_GOES_ON = 300.0  # [m]; an end farther away than this, or none, urges nobody
+SOON = 60.0  # [m] within which the end of the lane urges
+FRESH = 15.0  # [m] in which a vehicle that may merge now gets ready to
+LONGEST = 20.0  # [s] to the end of the lane
+LOOKAHEAD = 1.5  # [s] by which drivers foresee a gap: about half a lane change
+WELL = 10.0  # [m]; a gap that leaves this much room ahead and behind is as good as any
+LONGEST_READY = 3.0  # [s]; a gap that has been beside for longer is no better
+HARDEST = 4.0  # [m/s^2]; beyond this all decelerations are too hard
+MOVING = 0.15  # [m/s] lateral speed by which a vehicle is on its way; twice its noise
+INTENT = 2.0  # [s] for which the place in the lane at t = 0 tells something
+ARRIVAL = 0.6  # [s] about which a vehicle crosses the line that goes on as it moves
+UNKNOWN_OFFSET = 1.8  # [m] half a lane: of a vehicle whose place in its lane is not known, or in its middle
+FEATURES = 19
+STRENGTH = 0.1  # inverse of the ridge penalty on scaled weights
+LEAST_EVENTS = 10  # of fewer merges nothing is learned but how often they are
+RARE = -6.0  # logit of a hazard of which nothing is known: a merge in 80 s
+MARGIN = 5.0  # [m] upstream of the first merge of the training vehicles, and downstream of the last
+
+
+class Beside(NamedTuple):
+    """What a ramp vehicle sees of the target lane.
+
+    Attributes:
+        lead_gap, lag_gap: net gaps to the vehicles ahead and behind there [m]; negative where abreast.
+        lead_speed, lag_speed: their speeds [m/s]; the own speed where there is none.
+        ready: time for which there has been room between them [s].
+    """
+
+    lead_gap: Float[ArrayLike, "*#scene"]
+    lead_speed: Float[ArrayLike, "*#scene"]
+    lag_gap: Float[ArrayLike, "*#scene"]
+    lag_speed: Float[ArrayLike, "*#scene"]
+    ready: Float[ArrayLike, "*#scene"]
+
+
+@dataclass(frozen=True)
+class MergeHazard:
+    """A fitted hazard.
+
+    Attributes:
+        weights: of the features; see `merge_features`.
+        constant: logit where all features are zero.
+        first, last: distances to the end of the lane between which vehicles merge [m].
+    """
+
+    weights: Float[np.ndarray, "feature"]
+    constant: float
+    first: float = LANE_GOES_ON
+    last: float = 0.0
+
+
+NEVER = MergeHazard(np.zeros(FEATURES), RARE)
+
+
+def merge_features(
+    *,
+    speed: Float[ArrayLike, "*#scene"],
+    beside: Beside,
+    into: Float[ArrayLike, "*#scene"],
+    left: Float[ArrayLike, "*#scene"],
+    offset: Float[ArrayLike, "*#scene"],
+    approach: Float[ArrayLike, "*#scene"],
+    time: Float[ArrayLike, "*#scene"],
+) -> tuple[Float[Array, "*#scene"], ...]:
+    """Returns the features of the hazard, each about of size 1.
+
+    Args:
+        speed: [m/s].
+        beside: the target lane.
+        into: distance since vehicles may merge [m].
+        left: distance for which they still may [m].
+        offset: lateral distance to the lane line at t = 0 [m]; `UNKNOWN_OFFSET` where not known.
+        approach: lateral speed toward it at t = 0 [m/s]; 0 where not known.
+        time: since t = 0 [s].
+    """
+    speed, lead, lag = jnp.asarray(speed), jnp.asarray(beside.lead_gap), jnp.asarray(beside.lag_gap)
+    lead_in, lag_in = jnp.clip(lead, NEAREST, FARTHEST), jnp.clip(lag, NEAREST, FARTHEST)
+    closing, closed = speed - jnp.asarray(beside.lead_speed), jnp.asarray(beside.lag_speed) - speed
+    tightest = jnp.minimum(lead - LOOKAHEAD * closing, lag - LOOKAHEAD * closed)
+    into, left = jnp.asarray(into), jnp.clip(jnp.asarray(left), 0.0, LANE_GOES_ON)
+    return (
+        jnp.log(lead_in / 10.0),
+        jnp.log(lag_in / 10.0),
+        jnp.where(lead < NEAREST, 1.0, 0.0),
+        jnp.where(lag < NEAREST, 1.0, 0.0),
+        jnp.clip(closing, 0.0, 10.0) / 5.0,
+        jnp.clip(-closing, 0.0, 10.0) / 5.0,
+        jnp.clip(closed, 0.0, 10.0) / 5.0,
+        jnp.clip(-closed, 0.0, 10.0) / 5.0,
+        jnp.minimum(jnp.maximum(closing, 0.0) ** 2 / (2.0 * lead_in), HARDEST) / 2.0,
+        jnp.minimum(jnp.maximum(closed, 0.0) ** 2 / (2.0 * lag_in), HARDEST) / 2.0,
+        jnp.clip(tightest, -WELL, WELL) / WELL,
+        jnp.minimum(jnp.asarray(beside.ready), LONGEST_READY) / 2.0,
+        speed / 10.0,
+        jnp.exp(-left / SOON),
+        jnp.minimum(left / jnp.maximum(speed, 1.0), LONGEST) / 10.0,
+        jnp.exp(-jnp.maximum(into, 0.0) / FRESH),
+        *_lateral(jnp.asarray(offset), jnp.asarray(approach), jnp.asarray(time)),
+    )
+
+
+def _lateral(
+    offset: Float[Array, "*#scene"], approach: Float[Array, "*#scene"], time: Float[Array, "*#scene"]
+) -> tuple[Float[Array, "*#scene"], ...]:
+    """Returns how near the line it is, whether it crosses it about now if it goes on so, and whether it has by then."""
+    fading = jnp.exp(-time / INTENT)
+    arrival = jnp.maximum(offset, 0.0) / jnp.maximum(approach, MOVING) - time
+    about_now, by_now = jnp.exp(-0.5 * (arrival / ARRIVAL) ** 2), jnp.where(arrival < 0.0, fading, 0.0)
+    moves = approach > MOVING
+    return fading * (UNKNOWN_OFFSET - offset), jnp.where(moves, about_now, 0.0), jnp.where(moves, by_now, 0.0)
+
+
+def merge_zone(
+    to_end: Float[np.ndarray, "scene"], truth: Float[np.ndarray, "scene step"], change_time: Float[np.ndarray, "scene"]
+) -> tuple[float, float]:
+    """Returns the distances to the end of the lane at the first and at the last merge of the training vehicles [m].
+
+    Args:
+        to_end: distance of each to the end of its lane at t = 0 [m]; infinite where it does not end.
+        truth: displacements at 0.2, 0.4 ... s [m]; NaN where not seen.
+        change_time: time to the lane change [s]; NaN where none was seen.
+    """
+    step = np.nan_to_num(np.rint(change_time / STEP), nan=0.0).astype(np.int64)
+    moved = np.column_stack([np.zeros(len(truth)), truth])
+    known = np.isfinite(change_time) & np.isfinite(to_end) & (change_time >= 0.0) & (step < moved.shape[1])
+    left = to_end[known] - moved[np.flatnonzero(known), step[known]]
+    left = left[np.isfinite(left)]
+    if not len(left):
+        return LANE_GOES_ON, 0.0
+    return float(min(left.max() + MARGIN, LANE_GOES_ON)), float(max(left.min() - MARGIN, 0.0))
+
+
+def fit_merge_hazard(
+    features: Float[np.ndarray, "scene sample step feature"],
+    change_time: Float[np.ndarray, "scene"],
+    seen_for: Float[np.ndarray, "scene"],
+    *,
+    may: Bool[np.ndarray, "scene sample step"] | None = None,
+    zone: tuple[float, float] = (LANE_GOES_ON, 0.0),
+) -> MergeHazard:
+    """Returns the hazard under which the lane changes of the training vehicles are likeliest.
+
+    Args:
+        features: of each training vehicle at each step of 0.2 s after t = 0, in some samples of its roll-out, had it
+            not merged before.
+        change_time: time to the lane change [s]; NaN where none was seen.
+        seen_for: time for which the vehicle was seen [s].
+        may: whether it might have merged at that step; default: always.
+        zone: see `merge_zone`.
+    """
+    at_risk, event = person_periods(change_time, seen_for, steps=features.shape[2])
+    if event.sum() < LEAST_EVENTS:
+        return MergeHazard(NEVER.weights, _usual(int(event.sum()), int(at_risk.sum())), *zone)
+    samples = features.shape[1]
+    rows = np.broadcast_to(at_risk[:, None], features.shape[:3])
+    rows = rows if may is None else rows & (may | event[:, None])
+    table = features[rows]
+    label = np.broadcast_to(event[:, None], features.shape[:3])[rows]
+    middle, scale = table.mean(axis=0), np.maximum(table.std(axis=0), 1e-3)
+    fit = LogisticRegression(C=STRENGTH * samples, max_iter=500).fit(
+        (table - middle) / scale, label, sample_weight=np.full(len(label), 1.0 / samples)
+    )
+    weights = fit.coef_[0] / scale
+    return MergeHazard(weights, float(fit.intercept_[0] - weights @ middle), *zone)
+
+
+def _usual(merges: int, periods: int) -> float:
+    """Returns the logit of merges a step; of none, that of `RARE`."""
+    return float(np.log(merges / max(periods - merges, 1))) if merges else RARE
+
+
+def person_periods(
+    change_time: Float[np.ndarray, "scene"], seen_for: Float[np.ndarray, "scene"], *, steps: int
+) -> tuple[Bool[np.ndarray, "scene step"], Bool[np.ndarray, "scene step"]]:
+    """Returns at which steps each vehicle was seen and might have merged, and at which of them it did."""
+    step = np.arange(steps)
+    merged = np.isfinite(change_time)
+    last = np.where(merged, np.ceil(np.nan_to_num(change_time) / STEP - 1e-6) - 1, np.floor(seen_for / STEP + 1e-6) - 1)
+    at_risk = (step <= last[:, None]) & ~(np.nan_to_num(change_time, nan=1.0) <= 0.0)[:, None]
+    return at_risk, at_risk & merged[:, None] & (step == last[:, None])

@@ -1,0 +1,1 @@
+"""Car-following laws fitted to the history of a driver."""

@@ -1,0 +1,1 @@
+"""The paper's 32 lane-change forests."""

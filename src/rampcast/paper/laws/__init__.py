@@ -1,0 +1,1 @@
+"""Car-following laws, and the two readings of the paper."""

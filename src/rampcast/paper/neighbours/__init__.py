@@ -1,0 +1,1 @@
+"""The LSTMs that predict the neighbours."""

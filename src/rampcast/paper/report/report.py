@@ -1,0 +1,248 @@
+"""The report: one page that needs nothing else, with its pictures and tables as files beside it."""
+
+import base64
+import io
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rampcast.errors import RampcastError
+from rampcast.files import write_whole
+from rampcast.paper.report import figures
+from rampcast.paper.report.claims import claims_table
+from rampcast.paper.report.errata import ERRATA
+from rampcast.paper.report.figures import FigureEntry
+from rampcast.paper.report.tables import (
+    Table,
+    error_table,
+    lane_change_table,
+    modes_of,
+    notation_table,
+    outcome_table,
+    parameter_table,
+)
+from rampcast.plots import style
+from rampcast.sites import Site
+
+TABLE_NAMES = ("longitudinal", "parameters", "outcomes", "lane_change", "importance", "examples")
+PAPER_TABLES = {"idm": "2", "gipps_paper": "3", "ghr": "4"}  # the paper's table numbers
+PNG_DPI = 160
+LAW_NOTES = {
+    "idm": "A few drivers with a leader abreast of them (a gap near zero) have errors so large that they are the mean: "
+    "read the median. In corrected mode s₀ is fitted from 0.5 to 25.5 m, as gaps are net of the leader's length.",
+    "gipps_paper": "This is the paper's law of that name, repaired (erratum 2); it is not the law of Gipps (1981).",
+    "gipps": "The paper does not use this law; it stands here because the paper names it.",
+}
+NOT_RECORDED = "not recorded"
+
+
+def write_report(
+    tables: Mapping[str, pl.DataFrame] | Path,
+    *,
+    site: Site,
+    run: Mapping[str, Any],
+    out: Path,
+    paper: Mapping[str, Any] | None = None,
+) -> Path:
+    """Writes report.html, figures/*.svg, figures/*.png and tables/*.csv into a folder; returns the page's path.
+
+    Other files in the folder stay as they are; each file is written whole or not at all, the page last.
+
+    Args:
+        tables: the tidy tables by name, or the folder that holds them as parquet or csv. Those that are missing are
+            named on the page.
+        site: the geometry.
+        run: the run record; shown are date, seed, data_hash, versions, trained_on, tested_on, counts and all the rest.
+        out: the folder.
+        paper: printed values: `paper["parameters"][law][parameter]` has "mean", "median", "standard_deviation"; those
+            of the law "gipps" are taken for printed by Gipps (1981).
+
+    Raises:
+        RampcastError: a table lacks a column that is drawn.
+    """
+    known = read_tables(tables) if isinstance(tables, Path) else {k: v for k, v in tables.items() if k in TABLE_NAMES}
+    known = {name: table for name, table in known.items() if table.height}
+    drawn = {entry.number: (entry, list(_write_figure(entry, Path(out)))) for entry in _entries(known, site)}
+    listed = {table.number: table for table in _all_tables(known, paper or {})}
+    for table in listed.values():
+        if not table.missing:
+            with write_whole(Path(out) / "tables" / f"table-{table.number}.csv") as partial:
+                table.data.write_csv(partial)
+    page = Path(out) / "report.html"
+    text = _page(site=site, run=run, figures=drawn, tables=listed, known=known)
+    with write_whole(page) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return page
+
+
+def read_tables(folder: Path) -> dict[str, pl.DataFrame]:
+    """Returns the tidy tables found in a folder, by name; parquet is preferred to csv.
+
+    Raises:
+        RampcastError: there is none.
+    """
+    tables = {}
+    for name in TABLE_NAMES:
+        if (folder / f"{name}.parquet").is_file():
+            tables[name] = pl.read_parquet(folder / f"{name}.parquet")
+        elif (folder / f"{name}.csv").is_file():
+            tables[name] = pl.read_csv(folder / f"{name}.csv")
+    if not tables:
+        raise RampcastError(f"{folder}: expected tidy tables such as longitudinal.parquet, found none of {TABLE_NAMES}")
+    return tables
+
+
+def _entries(tables: Mapping[str, pl.DataFrame], site: Site) -> Iterator[FigureEntry]:
+    yield from figures.setting_figures(site)
+    yield figures.neighbour_figure(tables)
+    yield figures.forecast_figure(tables)
+    yield from figures.scene_figures(tables, site)
+    yield figures.classification_figure(tables)
+    yield figures.importance_figure(tables)
+    yield from figures.own_figures(tables)
+
+
+def _all_tables(tables: dict[str, pl.DataFrame], paper: Mapping[str, Any]) -> Iterator[Table]:
+    parameters, printed = tables.get("parameters"), paper.get("parameters", {})
+    yield notation_table()
+    for law, number in PAPER_TABLES.items():
+        note = LAW_NOTES.get(law, "")
+        yield parameter_table(parameters, law=law, number=number, printed=printed.get(law), note=note)
+    yield claims_table(tables, number="A1")
+    own = {"printed": printed.get("gipps"), "author": "Gipps (1981)", "note": LAW_NOTES["gipps"]}
+    yield parameter_table(parameters, law="gipps", number="A2", **own)
+    yield outcome_table(tables.get("outcomes"), number="A3")
+    yield error_table(tables.get("longitudinal"), number="A4")
+    yield lane_change_table(tables.get("lane_change"), number="A5")
+    more = [] if parameters is None else sorted(set(parameters["law"]) - {*PAPER_TABLES, "gipps"})
+    for i, law in enumerate(more):
+        yield parameter_table(parameters, law=law, number=f"A{6 + i}")
+
+
+def _write_figure(entry: FigureEntry, out: Path) -> Iterator[dict[str, str]]:
+    """Draws and saves the panels of a figure; yields what the page needs of each."""
+    axes: list[tuple[str | None, Axes]] = []
+    for panel in entry.panels:
+        ax = panel.draw()
+        if panel.title:
+            with mpl.rc_context(style.RC):
+                style.add_title(ax, panel.title)
+        axes.append((panel.share, ax))
+    for share in {share for share, _ in axes if share is not None}:
+        style.share_height([ax for other, ax in axes if other == share])
+    for panel, (_, ax) in zip(entry.panels, axes, strict=True):
+        stem = f"figure-{panel.name}"
+        svg = _save(style.figure_of(ax), out / "figures", stem)
+        uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+        width, height = style.figure_of(ax).get_size_inches()
+        text = f"Figure {entry.number}. {entry.title}. {panel.title}".strip()
+        yield {"stem": stem, "uri": uri, "alt": text, "width": f"{96 * width:.0f}", "height": f"{96 * height:.0f}"}
+
+
+def _save(figure: Figure, folder: Path, stem: str) -> bytes:
+    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with mpl.rc_context(style.RC):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="svg", metadata=nothing)
+        svg = _compact(buffer.getvalue().decode("utf-8")).encode("utf-8")
+        with write_whole(folder / f"{stem}.svg") as partial:
+            partial.write_bytes(svg)
+        with write_whole(folder / f"{stem}.png") as partial:
+            figure.savefig(partial, format="png", dpi=PNG_DPI)
+    return svg
+
+
+def _compact(svg: str) -> str:
+    """Returns the same picture without line breaks, and with places to 0.01 of a point."""
+    svg = re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><")
+    return re.sub(r'(?<=[\s"])(-?\d+\.\d\d)\d+(?=[\s"])', r"\1", svg)
+
+
+def _page(
+    *,
+    site: Site,
+    run: Mapping[str, Any],
+    figures: Mapping[str, tuple[FigureEntry, list[dict[str, str]]]],
+    tables: Mapping[str, Table],
+    known: Mapping[str, pl.DataFrame],
+) -> str:
+    loader = jinja2.PackageLoader("rampcast.paper.report", "")
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    notes = {note.erratum: note for note in site.notes if note.erratum is not None}
+    return environment.get_template("report.html.j2").render(
+        site=site,
+        summary=list(_summary(run)),
+        findings=list(_findings(known)),
+        absent=[name for name in TABLE_NAMES if name not in known],
+        figures=figures,
+        tables=tables,
+        own_figures=[number for number in figures if number.startswith("A")],
+        own_tables=[number for number in tables if number.startswith("A") and number not in ("A1", "A2", "A3")],
+        errata=[(erratum, notes.get(erratum.number)) for erratum in ERRATA],
+        notes=[note for note in site.notes if note.erratum is None],
+        record=list(_flat(run)),
+    )
+
+
+def _summary(run: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yields the first things to know about a run, those not recorded among them."""
+    names = {
+        "trained_on": "Trained on",
+        "tested_on": "Tested on",
+        "counts": "Counts",
+        "date": "Made on",
+        "seed": "Seed",
+        "versions": "Versions",
+        "data_hash": "Hash of the data",
+    }
+    for key, text in names.items():
+        yield text, _text(run[key]) if run.get(key) is not None else NOT_RECORDED
+
+
+def _findings(tables: Mapping[str, pl.DataFrame]) -> Iterator[str]:
+    """Yields one sentence per mode on the best forecast of the central vehicle."""
+    table = tables.get("longitudinal")
+    if table is None:
+        return
+    central = table.filter((pl.col("group") == "central") & ~style.is_floor(pl.col("model")))
+    central = central.filter(pl.col("mean_error").is_not_null() & pl.col("mean_error").is_not_nan())
+    for mode in modes_of(central):
+        parts = []
+        for horizon in (5.0, 10.0, 15.0):
+            rows = central.filter((pl.col("mode") == mode) & (pl.col("horizon") == horizon)).sort("mean_error")
+            if rows.height:
+                best = rows.row(0, named=True)
+                parts.append(
+                    f"{best['mean_error']:.1f} m at {horizon:.0f} s ({style.label(best['model'])}, n = {best['n']:,})"
+                )
+        if parts:
+            title = style.MODE_TITLES.get(mode, mode)
+            start = f"{title[0].upper()}{title[1:]}, smallest mean absolute error of the central vehicle"
+            yield f"{start}: {'; '.join(parts)}."
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{str(key).replace('_', ' ')} {_text(part)}" for key, part in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_text(part) for part in value)
+    if isinstance(value, float):
+        return f"{value:,.4g}"
+    return str(value)

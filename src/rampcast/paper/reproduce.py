@@ -1,0 +1,333 @@
+"""The paper's whole protocol: train on windows 1 and 3, test on window 2, in both modes, and report.
+
+Every finished part is kept under the output folder with a fingerprint of what went into it; a second run takes up where
+the first was interrupted, and a part whose inputs have changed is made again.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import polars as pl
+
+from rampcast import __version__
+from rampcast.errors import RecordingError
+from rampcast.files import write_table, write_whole
+from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.formats import BadRows, read_any, why_not
+from rampcast.models.correction import CorrectionSpec
+from rampcast.paper.framework import (
+    Forecaster,
+    Progress,
+    TrainingSpec,
+    assemble,
+    fit_lane_changes,
+    fit_neighbours,
+    fit_scenes,
+    for_each_lane,
+    recording_hash,
+)
+from rampcast.paper.laws.laws import LAWS
+from rampcast.paper.laws.mode import Mode
+from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm
+from rampcast.paper.protocol import Evaluation, evaluate, run_counts
+from rampcast.paper.report.report import write_report
+from rampcast.paper.storage import (
+    load_forests,
+    load_lstm,
+    load_scene,
+    save,
+    save_forests,
+    save_lstm,
+    save_scene,
+    versions,
+)
+from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
+from rampcast.sites import Site
+from rampcast.sites.site import site_to_dict
+
+TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
+DEMO_TRAINING = TrainingSpec(
+    lstm=LstmSpec(epochs=8, batch=64, decay=0.7),
+    window_stride=15,
+    scene_spacing=10.0,
+    scene=PlatoonForecasterSpec(samples=50, folds=4, correction=CorrectionSpec(trees=60)),
+)
+SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
+FINGERPRINTS = "fingerprints"
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How the protocol is run.
+
+    Attributes:
+        training: how both forecasters are trained.
+        every: corrected mode: time between the anchors that are scored [s].
+        modes: the readings of the paper, side by side in the report.
+        command: what the user called, for the run record.
+    """
+
+    training: TrainingSpec
+    every: float = 1.0
+    modes: tuple[Mode, ...] = tuple(Mode)
+    command: str = "rampcast.paper.reproduce.reproduce"
+
+
+def reproduce(
+    files: Sequence[Path],
+    out: Path,
+    *,
+    protocol: Protocol,
+    site: Site | None = None,
+    bad_rows: BadRows = BadRows.RAISE,
+    progress: Progress | None = None,
+) -> Path:
+    """Runs the protocol and writes models, tables, figures and report.html to a folder; returns the report's path.
+
+    Args:
+        files: the three windows of one site, in any form that rampcast reads; other sites' rows are left out.
+        out: the folder; what an earlier run finished there is taken over.
+        protocol: how to train and score.
+        site: the geometry; None tells it by the files' content.
+        bad_rows: whether a malformed row is an error or is skipped and counted.
+        progress: called as (what, done, total).
+
+    Raises:
+        RecordingError: a window is missing.
+    """
+    out, tell = Path(out), progress or _silent
+    started = time.perf_counter()
+    recording = _smoothed(files, out, site, bad_rows, tell)
+    training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
+    test = _window(recording, TEST_WINDOW)
+    forecasters, results = [], {}
+    for mode in protocol.modes:
+        forecasters.append(_trained(training, out / "models" / mode, mode, protocol.training, tell))
+        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
+        results[mode] = evaluate(forecasters[-1], test, every=protocol.every, seed=protocol.training.seed)
+        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
+    tables, counts = _side_by_side(results, test)
+    run = _run_record(
+        forecasters,
+        test,
+        counts,
+        command=protocol.command,
+        every=protocol.every,
+        seed=protocol.training.seed,
+        seconds=time.perf_counter() - started,
+    )
+    tell("report", 0, 1)
+    page = _written(tables, run, recording.site, out)
+    tell("report", 1, 1)
+    return page
+
+
+class Found(NamedTuple):
+    """The recordings in a folder, and why each other file of such a name is none."""
+
+    files: list[Path]
+    left_out: dict[Path, str]
+
+
+def find_files(folder: Path, *, without: Path | None = None) -> Found:
+    """Returns the files in a folder, and below it, that are recordings by their beginning, and those that are not.
+
+    Args:
+        folder: where to look.
+        without: a folder below it that is not looked into, such as that of the results.
+
+    Raises:
+        RecordingError: the folder is not there or holds none.
+    """
+    if not Path(folder).is_dir():
+        raise RecordingError(f"{folder}: there is no such folder; give the folder that holds the NGSIM files")
+    below = (path for path in Path(folder).rglob("*") if path.is_file() and path.suffix.lower() in SUFFIXES)
+    own = without.resolve() if without else None
+    named = sorted(path for path in below if own is None or own not in path.resolve().parents)
+    reasons = {path: why_not(path) for path in named}
+    files = [path for path, reason in reasons.items() if reason is None]
+    left_out = {path: reason for path, reason in reasons.items() if reason is not None}
+    if not files:
+        told = "".join(f"\n  {reason}" for reason in left_out.values())
+        raise RecordingError(
+            f"{folder}: no recording ends in {', '.join(SUFFIXES)}; put the three I-80 windows there (see "
+            f"docs/reproducing.md for where to get them){told}"
+        )
+    return Found(files, left_out)
+
+
+def paper_values() -> dict[str, Any]:
+    """Returns what the paper prints, by law and parameter: mean, median, standard deviation."""
+    return {"parameters": {key: {entry.name: entry._asdict() for entry in law.published} for key, law in LAWS.items()}}
+
+
+def score(
+    forecaster: Forecaster, recording: Recording, out: Path, *, every: float, seed: int, command: str
+) -> tuple[Evaluation, Path]:
+    """Scores a forecaster on a smoothed recording; writes tables, figures and report.html; returns scores and page."""
+    started = time.perf_counter()
+    result = evaluate(forecaster, recording, every=every, seed=seed)
+    run = _run_record(
+        [forecaster],
+        recording,
+        run_counts(recording, result.scenes),
+        command=command,
+        every=every,
+        seed=seed,
+        seconds=time.perf_counter() - started,
+    )
+    return result, _written(result.tables, run, forecaster.site, out)
+
+
+def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: BadRows, tell: Progress) -> Recording:
+    stamps = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in map(Path, files)]
+    inputs = [stamps, site_to_dict(site) if site else None, bad_rows.value]
+    path = out / "recording.parquet"
+
+    def make() -> Recording:
+        tell("read and smooth the recordings", 0, 1)
+        recording, report = read_any(files, site=site, bad_rows=bad_rows)
+        smoothed, cleaning = clean(recording)
+        with write_whole(out / "reading.json") as partial:
+            partial.write_text(json.dumps({"read": report.to_dict(), "cleaned": asdict(cleaning)}, indent=2))
+        return smoothed
+
+    recording = _kept(out, "recording", inputs, path, make, write_recording, read_recording)
+    tell("read and smooth the recordings", 1, 1)
+    return recording
+
+
+def _side_by_side(results: dict[Mode, Evaluation], test: Recording) -> tuple[dict[str, pl.DataFrame], dict[str, int]]:
+    """Returns the tables of all modes one below the other, and the counts of each."""
+    names = next(iter(results.values())).tables
+    tables = {name: pl.concat([result.tables[name] for result in results.values()]) for name in names}
+    counts = {
+        f"{mode} mode: {name}": n
+        for mode, result in results.items()
+        for name, n in run_counts(test, result.scenes).items()
+    }
+    return tables, counts
+
+
+def _window(recording: Recording, number: str) -> Recording:
+    name = f"{recording.site.name}-{number}"
+    if name not in recording.names:
+        raise RecordingError(
+            f"window {number} of site '{recording.site.name}' is missing: the protocol trains on windows "
+            f"{' and '.join(TRAINING_WINDOWS)} and tests on window {TEST_WINDOW}, and the files hold "
+            f"{', '.join(recording.names)}. Put all three windows into the folder"
+        )
+    return recording.window(name)
+
+
+def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec, tell: Progress) -> Forecaster:
+    inputs = {
+        "data": recording_hash(recording),
+        "site": site_to_dict(recording.site),
+        "mode": mode,
+        "spec": asdict(spec),
+    }
+    parts = folder.with_name(f"{folder.name}-parts")
+
+    def lstm(lane: str) -> NeighbourLstm:
+        def fit() -> NeighbourLstm:
+            return fit_neighbours(recording, lane, mode=mode, spec=spec, progress=tell)
+
+        return _kept(parts, lane, inputs, parts / lane, fit, save_lstm, load_lstm)
+
+    ramp, target = for_each_lane(lstm)
+    forests = _kept(
+        parts,
+        "forests",
+        inputs,
+        parts / "forests.npz",
+        lambda: fit_lane_changes(recording, mode=mode, spec=spec, progress=tell),
+        save_forests,
+        load_forests,
+    )
+    scene = None
+    if mode is Mode.CORRECTED:
+        scene = _kept(
+            parts,
+            "scene",
+            inputs,
+            parts / "scene.npz",
+            lambda: fit_scenes(recording, spec=spec, progress=tell),
+            save_scene,
+            load_scene,
+        )
+    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests, scene=scene)
+    save(forecaster, folder)
+    return forecaster
+
+
+def _kept(
+    folder: Path,
+    name: str,
+    inputs: object,
+    path: Path,
+    make: Callable[[], T],
+    write: Callable[[T, Path], None],
+    read: Callable[[Path], T],
+) -> T:
+    """Returns what an earlier run left at `path` if it was made from the same inputs, else makes it and keeps it."""
+    text = json.dumps([__version__, inputs], default=str, sort_keys=True)
+    fingerprint = hashlib.sha256(text.encode()).hexdigest()
+    mark = folder / FINGERPRINTS / name
+    if path.exists() and mark.is_file() and mark.read_text() == fingerprint:
+        return read(path)
+    mark.unlink(missing_ok=True)
+    made = make()
+    write(made, path)
+    with write_whole(mark) as partial:
+        partial.write_text(fingerprint)
+    return made
+
+
+def _run_record(
+    forecasters: Sequence[Forecaster],
+    test: Recording,
+    counts: dict[str, int],
+    *,
+    command: str,
+    every: float,
+    seed: int,
+    seconds: float,
+) -> dict[str, Any]:
+    first = forecasters[0]
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command,
+        "seed": seed,
+        "data_hash": first.data_hash,
+        "test_data_hash": recording_hash(test),
+        "source": test.source,
+        "versions": {"rampcast": __version__} | versions(),
+        "trained_on": list(first.trained_on),
+        "tested_on": test.names,
+        "training": asdict(first.training),
+        "every": every,
+        "counts": counts,
+        "timings": {"this run [s]": round(seconds, 1)},
+    }
+
+
+def _written(tables: dict[str, pl.DataFrame], run: dict[str, Any], site: Site, out: Path) -> Path:
+    """Writes the tidy tables, the run record and the report; returns the report's path."""
+    for name, table in tables.items():
+        write_table(table, out / "tables" / name, csv=True)
+    with write_whole(out / "run.json") as partial:
+        partial.write_text(json.dumps(run, indent=2), encoding="utf-8")
+    return write_report(tables, site=site, run=run, paper=paper_values(), out=out)
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Tells nobody."""

@@ -1,0 +1,194 @@
+"""Recordings along a road from trajectories in the plane of their source.
+
+Which road, where x begins and which lanes there are is told by a site; without one it is drafted from the tracks.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+
+from rampcast.errors import FormatError, SiteError
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.order import is_sorted, sorted_unique, track_starts
+from rampcast.recording.reading import ReadReport
+from rampcast.recording.translation import translated
+from rampcast.roads.draft import Draft, draft_roads
+from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane
+from rampcast.roads.reference import BLOCK, along_road, reference_line
+from rampcast.sites import Lane, Site
+from rampcast.sites.site import LANE_WIDTH, NO_LANE
+
+BESIDE = 1.0  # lane widths beside the outer lanes' centres at which a vehicle is still on this road
+BACKWARDS = 20.0  # [m] upstream between a vehicle's first and last row; a driver who reverses on a ramp goes less
+BEYOND = 50.0  # [m] before x = 0 and beyond the site's length that are still read
+
+
+def on_roads(plane: Plane, site: Site | None, report: ReadReport) -> tuple[tuple[Recording, ...], ReadReport]:
+    """Returns the recordings of a plane, one a road, and the report with what that left out.
+
+    Args:
+        plane: what a reader found.
+        site: the road; None drafts every road from the plane.
+        report: of the reader.
+
+    Raises:
+        FormatError: no row lies on the site's road.
+    """
+    if site is not None:
+        found = [on_road(plane, site, beside=BESIDE)]
+    else:
+        drafts = _drafts(plane, report)
+        found = [on_road(_part(plane, draft.is_here), draft.site, beside=math.inf) for draft in drafts]
+    recordings = tuple(recording for recording, _ in found if not recording.tracks.is_empty())
+    if not recordings:
+        names = ", ".join(recording.site.name for recording, _ in found)
+        raise FormatError(
+            f"{', '.join(report.files)}: none of its {plane.rows.height:,} rows lies on the road of site {names}. "
+            "Was the site made from this source? Leave it out to have one drafted, or make one with `rampcast site`"
+        )
+    rows = sum(recording.tracks.height for recording in recordings)
+    duplicates = sum(counts.duplicates for _, counts in found)
+    return recordings, replace(
+        report,
+        rows_off_road=report.rows_off_road + plane.rows.height - rows - duplicates,
+        rows_without_lane=report.rows_without_lane + sum(counts.rows_without_lane for _, counts in found),
+        duplicates=report.duplicates + duplicates,
+        conflicting_duplicates=report.conflicting_duplicates + sum(n.conflicting_duplicates for _, n in found),
+        rows=rows,
+    )
+
+
+def _drafts(plane: Plane, report: ReadReport) -> tuple[Draft, ...]:
+    try:
+        return draft_roads(plane)
+    except SiteError as error:
+        raise FormatError(
+            f"{', '.join(report.files)}: no road can be drafted from its tracks, for {error}. Does anything move "
+            "in it? Give a site file with --site"
+        ) from error
+
+
+def _part(plane: Plane, is_here: Bool[np.ndarray, "row"]) -> Plane:
+    return plane if is_here.all() else replace(plane, rows=plane.rows.filter(pl.Series(is_here)))
+
+
+def on_road(plane: Plane, site: Site, *, beside: float) -> tuple[Recording, ReadReport]:
+    """Returns the recording of one road; rows up to so many lane widths beside its lanes are on it."""
+    rows = _of_lanes(plane.rows, site.lanes)
+    is_unique = is_sorted(rows)
+    px, py = rows[PX].to_numpy(), rows[PY].to_numpy()
+    x, y = along_road(reference_line(np.asarray(site.reference)), px, py) if site.reference else (px, py)
+    y = -y if site.mirrored else y
+    lane, is_here = _lanes(rows[c.LANE], y, site.lanes, beside=beside)
+    is_here &= (x >= -BEYOND) & (x <= site.length + BEYOND)
+    if math.isfinite(beside):  # a draft has chosen its rows; both carriageways may name their lanes alike
+        is_here &= ~(_is_against(rows, x) if is_unique else _is_against_unsorted(rows, x))
+    optional = [name for name in c.OPTIONAL_SCHEMA if rows[name].null_count() < rows.height]
+    rows = rows.with_columns(pl.Series(c.X, x), pl.Series(c.Y, y), pl.Series(c.LANE, lane, dtype=pl.Int16))
+    rows = rows.select(*c.SCHEMA, *optional)
+    rows = rows if is_here.all() else rows.filter(pl.Series(is_here))
+    rows, duplicates, conflicts = (rows, 0, 0) if is_unique else sorted_unique(rows)
+    tracks = _with_names(rows, site.name)
+    outside = int((tracks[c.LANE] == NO_LANE).sum())
+    counts = ReadReport((), (), 0, duplicates=duplicates, conflicting_duplicates=conflicts, rows_without_lane=outside)
+    return Recording(tracks=tracks, site=site, time_step=plane.time_step, source=plane.source), counts
+
+
+def _of_lanes(rows: pl.DataFrame, lanes: Sequence[Lane]) -> pl.DataFrame:
+    """Returns the rows with the number of the lane that their source names; null where the place must tell it.
+
+    A row whose source names a lane that the site does not list is on another road and left out.
+    """
+    known = {name: lane.number for lane in lanes for name in lane.sources}
+    if not known:
+        return rows.with_columns(pl.lit(None, pl.Int16()).alias(c.LANE))
+    names, numbers = pl.Series(list(known), dtype=pl.Categorical()), pl.Series(list(known.values()), dtype=pl.Int16)
+    rows = rows.with_columns(translated(rows[SOURCE_LANE], names, numbers).alias(c.LANE))
+    if rows[c.LANE].null_count() == rows[SOURCE_LANE].null_count():
+        return rows
+    return rows.filter(pl.col(c.LANE).is_not_null() | pl.col(SOURCE_LANE).is_null())
+
+
+def _is_against(rows: pl.DataFrame, x: Float[np.ndarray, "row"]) -> Bool[np.ndarray, "row"]:
+    """Returns whether a row's vehicle drives upstream: it is on the opposite carriageway, maybe right beside this.
+
+    The rows are sorted by part, vehicle and frame.
+    """
+    if rows.is_empty():
+        return np.zeros(0, bool)
+    starts = track_starts(rows, slice(None))
+    behind = np.r_[starts[1:], len(x)]
+    return np.repeat(x[behind - 1] - x[starts] < -BACKWARDS, behind - starts)
+
+
+def _is_against_unsorted(rows: pl.DataFrame, x: Float[np.ndarray, "row"]) -> Bool[np.ndarray, "row"]:
+    """Returns what `_is_against` does of rows in any order."""
+    key = (c.RECORDING, c.VEHICLE)
+    places = rows.select(*key, c.FRAME, pl.Series(c.X, x))
+    way = pl.col(c.X).get(pl.col(c.FRAME).arg_max()) - pl.col(c.X).get(pl.col(c.FRAME).arg_min())
+    against = places.group_by(key).agg(way).filter(pl.col(c.X) < -BACKWARDS).select(*key)
+    if against.is_empty():
+        return np.zeros(rows.height, bool)
+    marked = rows.select(key).join(against.with_columns(is_against=True), on=key, how="left", maintain_order="left")
+    return marked["is_against"].fill_null(False).to_numpy()
+
+
+def _with_names(rows: pl.DataFrame, site: str) -> pl.DataFrame:
+    """Returns the rows with the names that parts have in a recording: site and part."""
+    parts = rows[c.RECORDING].unique()
+    names = pl.Series([f"{site}-{part}" for part in parts], dtype=pl.String)
+    if len(names) == 1:
+        return rows.with_columns(pl.lit(names[0]).alias(c.RECORDING))
+    return rows.with_columns(translated(rows[c.RECORDING], parts, names))
+
+
+def _lanes(
+    named: pl.Series, y: Float[np.ndarray, "row"], lanes: Sequence[Lane], *, beside: float
+) -> tuple[Int[np.ndarray, "row"], Bool[np.ndarray, "row"]]:
+    """Returns each row's lane, and whether it is on this road at all.
+
+    Where none is named, it is the one whose centre is nearest, up to half a lane's width beside the outer ones, and a
+    lane's width more beside a ramp, which comes near the road at an angle; up to `beside` lane widths beside these a
+    row is kept with lane 0.
+    """
+    if not named.has_nulls():
+        return named.to_numpy(), np.ones(len(y), bool)
+    ordered = sorted(lanes, key=lambda lane: lane.centre)
+    widest = np.array([0.5 + BESIDE if lane.role == "ramp" else 0.5 for lane in ordered])
+    numbers = np.array([lane.number for lane in ordered], np.int16)
+    lane, is_here = np.empty(len(y), np.int16), np.empty(len(y), bool)
+    for start in range(0, len(y), BLOCK):
+        part = slice(start, start + BLOCK)
+        index, off = _nearest_lane(y[part], ordered)
+        lane[part] = np.where(off > widest[index], NO_LANE, numbers[index])
+        is_here[part] = off <= 0.5 + beside
+    if named.null_count() < len(named):
+        is_named = named.is_not_null().to_numpy()
+        lane[is_named] = named.drop_nulls().to_numpy()
+        is_here |= is_named
+    return lane, is_here
+
+
+def _nearest_lane(
+    y: Float[np.ndarray, "row"], ordered: Sequence[Lane]
+) -> tuple[Int[np.ndarray, "row"], Float[np.ndarray, "row"]]:
+    """Returns which of the lanes has the nearest centre, and how far beside the outermost centres a row is.
+
+    That is in lane widths, and below zero between the outermost centres: a row there is in the nearest lane, however
+    far apart two lanes lie. The lanes are ordered by their centres.
+    """
+    centres = np.array([lane.centre for lane in ordered])
+    steps = np.diff(centres)
+    steps = steps[steps > 0.5 * LANE_WIDTH]  # lanes that share a place, as a ramp and an exit beyond it, are no step
+    width = float(np.median(steps)) if len(steps) else LANE_WIDTH
+    index = np.zeros(len(y), np.intp)
+    for edge in (centres[1:] + centres[:-1]) / 2:  # few: to search them sorted takes longer
+        index += y > edge
+    off = np.maximum(centres[0] - y, y - centres[-1])
+    off /= width
+    return index, off

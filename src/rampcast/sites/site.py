@@ -1,0 +1,263 @@
+"""Sites: the geometry of a road section, the recorded windows, and where each value came from.
+
+A site is a TOML file. The shipped ones lie in ``site_data``; a user's own is given by its path, no code is touched.
+"""
+
+import math
+import re
+import tomllib
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import tomli_w
+from jaxtyping import Float
+
+from rampcast.errors import SiteError
+from rampcast.files import write_whole
+from rampcast.sites.values import check_site_values, close_name
+
+SITE_FOLDER = Path(__file__).parent / "data"
+PAIR = re.compile(r"\[\s+([-+.\w]+),\s+([-+.\w]+),\s+\]")  # a point, which the writer spreads over four lines
+NO_LANE = 0  # number of the lane of a vehicle that is in none of the site's lanes
+LANE_WIDTH = (
+    3.6  # [m] where a site or source does not tell it: a motorway's lanes are 3.5 to 3.75 m wide, 12 ft in the US
+)
+SAME_X, SAME_Y = 2.0, 1.0  # [m] by which one road may differ: half a car's length, a third of a lane's width
+RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A lane: its number in the recording, its role, and the lateral position of its centre [m].
+
+    `sources` are its names in the files of the source (lanelets, lanes of a net); none where vehicles are put into the
+    lane whose centre is nearest.
+    """
+
+    number: int
+    role: str  # "main", "ramp", "exit" or "shoulder"
+    centre: float
+    sources: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Window:
+    """A recorded window: its name and its start and end as local wall-clock times."""
+
+    name: str
+    start: str
+    end: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something a reader of this site's numbers must know, with its source."""
+
+    text: str
+    source: str
+    erratum: int | None = None
+
+
+@dataclass(frozen=True)
+class Site:
+    """The geometry of a road section. Longitudinal values are x [m], lateral values y [m, grows to the left].
+
+    A section without an on-ramp has no lane of role "ramp", and NaN or nothing for the values that tell of the ramp: it
+    can be read and checked, but there is no merge to forecast.
+    """
+
+    name: str
+    title: str
+    simulated: bool
+    length: float  # [m]
+    speed_limit: float  # [m/s]
+    lanes: tuple[Lane, ...]
+    gore: float = math.nan  # x where the ramp lane begins to run beside the target lane [m]
+    ramp_end: float = math.nan  # x where the ramp lane ends: x_end of the paper [m]
+    merge_zone: tuple[float, float] = (math.nan, math.nan)  # [m, m]
+    target_lane: int = NO_LANE
+    lane_line: tuple[tuple[float, float], ...] = ()  # (x, y) of the line between ramp lane and target lane
+    timezone: str = "UTC"
+    location: str = ""  # the value of the portal's Location column
+    windows: tuple[Window, ...] = ()
+    notes: tuple[Note, ...] = field(default=())
+    reference: tuple[tuple[float, float], ...] = ()  # points of the line y = 0 in the source's plane [m], downstream
+    mirrored: bool = False  # whether the source's plane grows to the right where it should grow to the left
+
+    @property
+    def ramp_lanes(self) -> tuple[int, ...]:
+        """Returns the numbers of the lanes from which vehicles merge."""
+        return tuple(lane.number for lane in self.lanes if lane.role == "ramp")
+
+    @property
+    def has_ramp(self) -> bool:
+        """Returns whether vehicles merge from a ramp here."""
+        return bool(self.ramp_lanes)
+
+    def lane_centre(self, number: int) -> float:
+        """Returns the lateral position of a lane's centre [m]."""
+        for lane in self.lanes:
+            if lane.number == number:
+                return lane.centre
+        raise SiteError(f"site '{self.name}' has no lane {number}; it has {[lane.number for lane in self.lanes]}")
+
+    def lane_line_y(self, x: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+        """Returns the lateral position [m] of the line between ramp lane and target lane at x [m]."""
+        points = np.asarray(self.lane_line)
+        return np.interp(x, points[:, 0], points[:, 1])
+
+    def window_bounds(self) -> dict[str, tuple[int, int]]:
+        """Returns start and end of each recorded window [ms since 1970, UTC]."""
+        return {w.name: (self._milliseconds(w.start), self._milliseconds(w.end)) for w in self.windows}
+
+    def _milliseconds(self, local: str) -> int:
+        moment = datetime.fromisoformat(local).replace(tzinfo=ZoneInfo(self.timezone))
+        return round(moment.timestamp() * 1000)
+
+
+def site_names() -> list[str]:
+    """Returns the names of the shipped sites."""
+    return sorted(path.stem for path in SITE_FOLDER.glob("*.toml"))
+
+
+def load_site(name: str | Path) -> Site:
+    """Returns the site of that name, or the one described by the TOML file at that path.
+
+    Raises:
+        SiteError: there is no such site, or its file lacks a value or has one of the wrong kind.
+    """
+    path = Path(name) if str(name).endswith(".toml") else SITE_FOLDER / f"{name}.toml"
+    if not path.is_file():
+        raise SiteError(
+            f"there is no site '{name}'{close_name(str(name), site_names()) or '.'} "
+            f"Shipped sites: {', '.join(site_names())}; "
+            "or give the path of a site file that ends in .toml (see docs/sites.md, 'A site of your own')"
+        )
+    try:
+        return site_from_dict(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, RecursionError) as error:  # also of bytes that are no text, numbers of 5000 digits
+        raise SiteError(f"{path}: not a TOML file: {error}") from error
+    except SiteError as error:
+        raise SiteError(f"{path}: {error}") from error
+
+
+def site_from_dict(values: dict[str, Any]) -> Site:
+    """Returns the site that a site file's values describe.
+
+    Raises:
+        SiteError: a value is missing, unknown, or of the wrong kind.
+    """
+    check_site_values(values)
+    values = dict(values)
+    site = Site(
+        lanes=tuple(_lane(lane) for lane in values.pop("lanes")),
+        windows=tuple(Window(**window) for window in values.pop("windows", ())),
+        notes=tuple(Note(**note) for note in values.pop("notes", ())),
+        lane_line=_points(values.pop("lane_line", ())),
+        reference=_points(values.pop("reference", ())),
+        merge_zone=_pair(values.pop("merge_zone", (math.nan, math.nan))),
+        **values,
+    )
+    _check(site)
+    return site
+
+
+def site_to_dict(site: Site) -> dict[str, Any]:
+    """Returns the values of a site file; the inverse of `site_from_dict`."""
+    values = asdict(site)
+    absent = [name for name in RAMP_VALUES if not site.has_ramp]
+    for lane in values["lanes"]:
+        if not lane["sources"]:
+            del lane["sources"]
+    return {name: value for name, value in values.items() if name not in absent}
+
+
+def differences(site: Site, other: Site) -> list[str]:
+    """Returns in which places two sites are not the same road, as "gore 118.0 m and 122.0 m"; none if they are.
+
+    Titles, notes and windows do not count, and values may differ by as much as a drawing of the road is wrong.
+    """
+    found = []
+    for name in ("length", "gore", "ramp_end"):
+        mine, its = getattr(site, name), getattr(other, name)
+        if not (abs(mine - its) <= SAME_X or (math.isnan(mine) and math.isnan(its))):
+            found.append(f"{name} {mine:.1f} m and {its:.1f} m")
+    if site.target_lane != other.target_lane:
+        found.append(f"target_lane {site.target_lane} and {other.target_lane}")
+    if site.ramp_lanes != other.ramp_lanes:
+        found.append(f"ramp lanes {list(site.ramp_lanes)} and {list(other.ramp_lanes)}")
+    lanes, others = ({lane.number: lane.centre for lane in one.lanes} for one in (site, other))
+    if lanes.keys() != others.keys():
+        found.append(f"lanes {list(lanes)} and {list(others)}")
+    for number, centre in lanes.items():
+        if number in others and abs(centre - others[number]) > SAME_Y:
+            found.append(f"centre of lane {number} {centre:.2f} m and {others[number]:.2f} m")
+    return found
+
+
+def write_site(site: Site, path: Path) -> None:
+    """Writes a site file, which `load_site` reads; whole or not at all."""
+    values = site_to_dict(site)
+    for note in values["notes"]:  # TOML has no way to say "nothing"
+        if note["erratum"] is None:
+            del note["erratum"]
+    with write_whole(Path(path)) as partial:
+        partial.write_text(PAIR.sub(r"[\1, \2]", tomli_w.dumps(values)), encoding="utf-8")
+
+
+def _lane(values: dict[str, Any]) -> Lane:
+    return Lane(**(values | {"sources": tuple(str(name) for name in values.get("sources", ()))}))
+
+
+def _points(points: Any) -> tuple[tuple[float, float], ...]:
+    return tuple(_pair(point) for point in points)
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    first, second = values
+    return float(first), float(second)
+
+
+def _check(site: Site) -> None:
+    if len(site.reference) == 1:
+        raise SiteError("reference needs two points [x, y] or more, in the order of travel")
+    if site.has_ramp:
+        _check_ramp(site, [lane.number for lane in site.lanes])
+    elif site.target_lane != NO_LANE or site.lane_line or not all(map(math.isnan, _places(site))):
+        raise SiteError(f"no lane has the role 'ramp'; give it to one, or leave out {', '.join(RAMP_VALUES)}")
+    try:
+        site.window_bounds()
+    except (ValueError, KeyError) as error:
+        raise SiteError(f"a window's time or the time zone cannot be read: {error}") from error
+
+
+def _places(site: Site) -> tuple[float, ...]:
+    return (site.gore, site.ramp_end, *site.merge_zone)
+
+
+def _check_ramp(site: Site, numbers: list[int]) -> None:
+    absent = {
+        "gore": math.isnan(site.gore),
+        "ramp_end": math.isnan(site.ramp_end),
+        "merge_zone": math.isnan(site.merge_zone[0]),
+        "target_lane": site.target_lane == NO_LANE,
+        "lane_line": not site.lane_line,
+    }
+    for name, is_absent in absent.items():
+        if is_absent:
+            raise SiteError(f"the value '{name}' is missing; a site with a ramp lane needs it")
+    if site.target_lane not in numbers or site.target_lane in site.ramp_lanes:
+        others = [number for number in numbers if number not in site.ramp_lanes]
+        raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {others} beside the ramp")
+    if not site.gore < site.ramp_end <= site.length:
+        raise SiteError(
+            "expected gore < ramp_end <= length, got "
+            f"gore = {site.gore}, ramp_end = {site.ramp_end}, length = {site.length}"
+        )
+    xs = [x for x, _ in site.lane_line]
+    if xs != sorted(xs):
+        raise SiteError(f"lane_line: expected points [x, y] in order of growing x, got x = {xs}")

@@ -1,0 +1,163 @@
+"""The command line as a user meets it."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import polars as pl
+import pytest
+
+from rampcast.cli.options import writable_file, writable_folder
+from rampcast.cli.reading import warn_if_off_road
+from rampcast.errors import RampcastError
+from rampcast.formats import ReadReport
+from rampcast.recording import write_recording
+from tests.made_up_traffic import random_traffic
+
+COMMANDS = (
+    "download",
+    "inspect",
+    "doctor",
+    "convert",
+    "site",
+    "train",
+    "forecast",
+    "evaluate",
+    "reproduce",
+    "demo",
+    "simulate",
+)
+
+
+def rampcast(*arguments, expect=0):
+    done = subprocess.run(
+        [sys.executable, "-c", "from rampcast.cli import main; main()", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == expect, done.stderr + done.stdout
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    paths = []
+    for window in (1, 2):
+        path = folder / f"i80-{window}.parquet"
+        write_recording(random_traffic(window, vehicles=40, name=f"i80-{window}"), path)
+        paths.append(path)
+    return paths
+
+
+@pytest.fixture(scope="module")
+def model(files, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models") / "model"
+    rampcast("train", files[0], "--out", folder, "--epochs", 1, "--stride", 20, "--batch", 64)
+    return folder
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself_with_an_example(command):
+    assert f"rampcast {command}" in rampcast(command, "--help").stdout.split("Example")[-1]
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom rampcast.cli import app\n"
+        "heavy = {'jax', 'polars', 'sklearn', 'matplotlib', 'scipy', 'numpy', 'httpx'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
+    rampcast("forecast", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path, "--csv")
+    forecast = pl.read_parquet(tmp_path / "forecast.parquet")
+    quantiles = ["x_q05", "x_q25", "x_q50", "x_q75", "x_q95"]
+    assert forecast.columns == ["recording", "vehicle", "t0", "horizon", "x", "model", *quantiles]
+    assert forecast["horizon"].max() == 15.0
+    assert pl.read_parquet(tmp_path / "lane_change.parquet")["p_within"].is_between(0, 1).all()
+    assert pl.read_csv(tmp_path / "forecast.csv").height == forecast.height
+    assert (tmp_path / "lane_change.csv").is_file()
+    keys = forecast.select("recording", "vehicle", "t0").n_unique()
+    assert pl.read_parquet(tmp_path / "gap.parquet").height == 11 * keys
+    assert pl.read_parquet(tmp_path / "conflicts.parquet").height == 31 * keys
+
+
+def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
+    shown = rampcast("evaluate", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path).stdout
+    assert "mean absolute position error" in shown
+    assert (tmp_path / "report.html").stat().st_size > 10_000
+    assert pl.read_csv(tmp_path / "tables" / "longitudinal.csv").height > 15
+    assert json.loads((tmp_path / "run.json").read_text())["trained_on"] == ["i80-1"]
+
+
+def test_what_reads_recordings_takes_a_mapping(model, files, tmp_path):
+    out, mapping = ("--out", tmp_path / "out"), ("--mapping", tmp_path / "absent.toml")
+    one = ("--model", model, "--recording", files[0])
+    for command in (("train", files[0]), ("forecast", *one), ("evaluate", *one)):
+        assert "absent.toml: the mapping cannot be read" in rampcast(*command, *out, *mapping, expect=2).stderr
+
+
+def test_a_score_on_the_training_window_is_refused(model, files, tmp_path):
+    done = rampcast("evaluate", "--model", model, "--recording", files[0], "--out", tmp_path / "x", expect=2)
+    assert "used to train this model" in done.stderr
+    assert not (tmp_path / "x").exists()
+
+
+def test_convert_and_inspect_go_round(files, tmp_path):
+    rampcast("convert", *files, "--out", tmp_path / "both.parquet")
+    found = json.loads(rampcast("inspect", tmp_path / "both.parquet", "--json").stdout)
+    assert [window["name"] for window in found["quality"]["windows"]] == ["i80-1", "i80-2"]
+    shown = rampcast("inspect", tmp_path / "both.parquet").stdout
+    assert "i80-1" in shown
+    assert "713" in shown  # the paper's count of on-ramp vehicles, beside ours
+
+
+def test_a_place_that_cannot_be_written_is_one_message(files, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    done = rampcast("convert", files[0], "--out", tmp_path / "taken" / "x.parquet", expect=2)
+    assert f"{tmp_path / 'taken'} is a file and no folder" in done.stderr
+    (tmp_path / "folder").mkdir()
+    done = rampcast("convert", files[0], "--out", tmp_path / "folder", expect=2)
+    assert "folder: this is a folder; name the file to write" in done.stderr
+    for command in (("doctor", files[0]), ("train", files[0])):
+        done = rampcast(*command, "--out", tmp_path / "taken", expect=2)
+        assert done.stderr.startswith(f"error: {tmp_path / 'taken'}: cannot be written")
+        assert not done.stdout
+
+
+def test_a_folder_without_the_right_to_write_is_named_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda *_: False)  # whoever runs the tests may write everywhere
+    with pytest.raises(RampcastError, match="nothing can be written in"):
+        writable_file(tmp_path / "deep" / "x.parquet")
+    with pytest.raises(RampcastError, match="nothing can be written in"):
+        writable_folder(tmp_path)
+
+
+def test_most_rows_off_the_road_are_warned_of(capsys):
+    report = ReadReport(files=("a.csv",), forms=("made up",), rows_read=15_376, rows_off_road=15_291)
+    warn_if_off_road(report, "i80")
+    assert "15,291 of 15,376 rows are off the road of site i80" in capsys.readouterr().err
+    warn_if_off_road(report, None)  # the site was drafted from the file
+    warn_if_off_road(replace(report, rows_off_road=7_000), "i80")
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("inspect", "nowhere.txt"), "there is no such file"),
+        (("forecast", "--model", "nowhere", "--recording", "nowhere.txt", "--out", "x"), "no model folder"),
+        (("reproduce", "--data", "nowhere", "--out", "x"), "there is no such folder"),
+        (("convert", "nowhere.txt", "--site", "moon", "--out", "x.parquet"), "there is no site 'moon'"),
+    ],
+)
+def test_a_mistake_is_one_message_and_exit_code_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert message in rampcast(*arguments, expect=2).stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,179 @@
+"""The quality report on recordings whose faults are put there on purpose."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from rampcast.doctor.summary import (
+    LaneQuality,
+    PaperCounts,
+    WindowQuality,
+    lane_table,
+    quality,
+    quality_table,
+    window_table,
+)
+from rampcast.formats import read_any
+from rampcast.recording import Recording, clean, concatenate
+from rampcast.recording import columns as c
+from rampcast.sites import load_site
+from tests.made_up_traffic import random_traffic
+
+SITE = load_site("i80")
+
+
+def track(vehicle: int, frames: range | list[int], *, x: float = 0.0, v: float = 10.0, lane: int = 6) -> pl.DataFrame:
+    """Returns a vehicle of 5 m at a steady speed [m/s]."""
+    frame = np.array(frames)
+    values = {
+        c.RECORDING: ["i80-1"] * len(frame),
+        c.VEHICLE: np.full(len(frame), vehicle),
+        c.FRAME: frame,
+        c.X: x + 0.1 * v * (frame - frame[0]),
+        c.Y: np.full(len(frame), SITE.lane_centre(lane) - 0.5),
+        c.LANE: np.full(len(frame), lane),
+        c.LENGTH: np.full(len(frame), 5.0),
+        c.WIDTH: np.full(len(frame), 1.9),
+        c.KIND: ["car"] * len(frame),
+    }
+    return pl.DataFrame(values).cast(dict(c.SCHEMA))
+
+
+def recorded(*tracks: pl.DataFrame) -> Recording:
+    return Recording(tracks=pl.concat(tracks), site=SITE, time_step=0.1, source="made up for a test")
+
+
+def only_window(recording: Recording) -> WindowQuality:
+    found = quality(recording)
+    assert len(found.windows) == 1
+    assert replace(found.total, name="i80-1", paper=found.windows[0].paper) == found.windows[0]
+    return found.windows[0]
+
+
+def test_vehicles_rows_frames_and_duration_are_counted():
+    found = only_window(recorded(track(1, range(100)), track(2, range(50, 150), lane=5)))
+    assert (found.vehicles, found.rows, found.frames) == (2, 200, 150)
+    assert found.duration == pytest.approx(15.0)
+    assert (found.duplicates, found.gaps, found.reused_ids, found.overlaps) == (0, 0, 0, 0)
+
+
+def test_a_short_hole_is_a_gap_and_a_long_one_a_reused_id():
+    frames = [*range(20), *range(23, 60), *range(61, 90), *range(150, 200)]
+    found = only_window(recorded(track(1, frames)))
+    assert (found.gaps, found.skipped_frames, found.reused_ids) == (2, 4, 1)
+
+
+def test_duplicates_are_counted_once_and_do_not_disturb_the_rest():
+    once = track(1, range(100))
+    found = only_window(recorded(once, once[10:13], once[10:11]))
+    assert (found.rows, found.duplicates, found.gaps, found.impossible_before) == (104, 4, 0, 0)
+
+
+def test_a_jump_is_an_impossible_acceleration_that_smoothing_reduces():
+    jumping = track(1, range(100)).with_columns(pl.col(c.X) + 0.1 * (pl.col(c.FRAME) == 50))
+    found = only_window(recorded(jumping))
+    # second differences of +0.1 m in one frame: +10, -20, +10 m/s^2
+    assert (found.impossible_before, found.clipped_before, found.accelerations_before) == (3, 3, 98)
+    assert (found.impossible_after, found.clipped_after) == (0, 0)
+    assert found.accelerations_after == 50
+
+
+def test_a_front_ahead_of_the_leaders_rear_is_an_overlap():
+    follower, leader = track(1, range(50), v=10.0), track(2, range(50), x=8.0, v=9.0)
+    # the net gap is 3 m and shrinks by 0.1 m a frame: it is negative after frame 30
+    assert only_window(recorded(follower, leader)).overlaps == 19
+    other_lane = leader.with_columns(pl.lit(5, pl.Int16).alias(c.LANE))
+    assert only_window(recorded(follower, other_lane)).overlaps == 0
+
+
+def test_overlaps_equal_those_of_a_plain_loop():
+    recording = random_traffic(3, vehicles=20)
+    rows = recording.tracks.select(c.FRAME, c.LANE, c.X, c.LENGTH).rows()
+    expected = 0
+    for frame, lane, x, _ in rows:
+        ahead = [(x2, length) for f2, l2, x2, length in rows if (f2, l2) == (frame, lane) and x2 > x]
+        expected += bool(ahead) and x > min(ahead)[0] - min(ahead)[1]
+    assert quality(recording).total.overlaps == expected > 0
+
+
+def test_on_ramp_and_target_lane_vehicles_are_counted():
+    merging = pl.concat([track(1, range(190), v=1.0, lane=7), track(1, range(190, 200), x=19.0)])
+    short = track(2, range(190), lane=7, v=1.0)
+    passing = track(3, range(200), x=0.0, v=10.0)
+    upstream = track(4, range(100), x=0.0, v=10.0)  # ends at 99 m, before the gore
+    found = only_window(recorded(merging, short, passing, upstream))
+    assert (found.on_ramp_vehicles, found.on_ramp_seen_19s, found.target_lane_vehicles) == (2, 1, 1)
+
+
+def test_lanes_tell_where_their_vehicles_drive():
+    lane_6, lane_7 = only_window(recorded(track(1, range(30)), track(2, range(20), lane=7))).lanes
+    assert replace(lane_6, median_y=0.0) == LaneQuality(6, "main", 30, 1, 0.0, centre=SITE.lane_centre(6))
+    assert lane_6.median_y == pytest.approx(SITE.lane_centre(6) - 0.5)
+    assert (lane_7.number, lane_7.role, lane_7.rows) == (7, "ramp", 20)
+
+
+def test_a_smoothed_recording_knows_only_the_accelerations_after():
+    raw = random_traffic(5, vehicles=10)
+    smoothed, _ = clean(raw)
+    found, before = quality(smoothed).total, quality(raw).total
+    assert (found.impossible_before, found.accelerations_before) == (None, None)
+    assert found.clipped_after == before.clipped_after
+    assert found.duration == pytest.approx(before.duration, abs=0.4)
+
+
+def test_a_recording_too_short_to_smooth_has_a_quality_too():
+    found = only_window(recorded(track(1, range(3))))
+    assert (found.rows, found.impossible_after) == (3, None)
+    assert "–" in quality_table(quality(recorded(track(1, range(3))))).rows[9][1]
+
+
+def test_the_total_sums_the_windows_and_has_the_papers_counts_beside_it():
+    windows = [random_traffic(seed, vehicles=8, name=f"i80-{seed}") for seed in (1, 2, 3)]
+    found = quality(concatenate(windows))
+    assert [one.name for one in found.windows] == ["i80-1", "i80-2", "i80-3"]
+    assert found.total.vehicles == 24  # ids repeat across windows
+    assert found.total.paper == PaperCounts(713, 385, 1529)
+    assert [one.paper and one.paper.on_ramp_seen_19s for one in found.windows] == [117, 129, 139]
+    table = quality_table(found)
+    assert table.heads == ("", "i80-1", "i80-2", "i80-3", "all")
+    assert ("on-ramp vehicles seen for more than 19 s, the paper", "117", "129", "139", "385") in table.rows
+    assert all(len(row) == len(table.heads) for row in table.rows)
+    assert len(lane_table(found).rows) == len(found.total.lanes)
+
+
+def test_many_windows_have_a_row_each_and_the_sum_a_column():
+    windows = [random_traffic(seed, vehicles=4, name=f"i80-{seed}") for seed in range(1, 6)]
+    found = quality(concatenate(windows))
+    assert quality_table(found).heads == ("", "all")
+    assert ("vehicles", "20") in quality_table(found).rows
+    table = window_table(found)
+    assert table is not None
+    assert table.heads[:3] == ("window", "vehicles", "rows")
+    assert [row[:2] for row in table.rows] == [(f"i80-{seed}", "4") for seed in range(1, 6)]
+    assert window_table(quality(windows[0])) is None
+
+
+def test_a_lane_in_the_middle_has_no_negative_zero():
+    found = quality(recorded(track(1, range(30))))
+    lane = replace(found.total.lanes[0], median_y=-0.001, centre=-0.0)
+    assert lane_table(replace(found, total=replace(found.total, lanes=(lane,)))).rows[0][4:] == ("0.00", "0.00")
+
+
+def test_it_becomes_strict_json():
+    strange = track(1, range(30)).with_columns(pl.lit(3, pl.Int16).alias(c.LANE))
+    site = replace(SITE, lanes=tuple(lane for lane in SITE.lanes if lane.number != 3))
+    values = quality(replace(recorded(strange), site=site)).to_dict()
+    assert json.loads(json.dumps(values, allow_nan=False))["total"]["lanes"][0]["centre"] is None
+
+
+@pytest.mark.data
+def test_the_real_excerpts_are_noisy_before_smoothing_and_plausible_after(data_folder):
+    recording, _ = read_any([data_folder / "real" / "us101_excerpts.csv"])
+    found = quality(recording).total
+    assert (found.vehicles, found.rows, found.gaps) == (678, 44_392, 0)
+    assert found.paper is None
+    shares = [found.clipped_before / found.accelerations_before, found.clipped_after / found.accelerations_after]
+    assert shares[0] > 0.1 > 0.02 > shares[1]
