@@ -54,9 +54,10 @@ def cut_off(raw: Recording, moment: int) -> Scenes | None:
 
 
 def join(parts: list[Scenes]) -> Scenes:
-    """Returns the scenes of all parts as one."""
-    names = [field.name for field in fields(Scenes) if field.name != "site"]
-    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    """Returns the scenes of all parts as one; the traffic around, which the laws do not look at, is left out."""
+    names = [field.name for field in fields(Scenes) if field.name not in ("site", "around")]
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return replace(parts[0], around=None, **joined)
 
 
 def keys(scenes: Scenes) -> list[tuple[int, int]]:
@@ -68,7 +69,7 @@ def forecasts(scenes: Scenes) -> dict[str, np.ndarray]:
     """Returns what the models without an LSTM forecast."""
     calibrations = {name: calibrate_scenes(law, scenes, Mode.CORRECTED) for name, law in LAWS.items()}
     predicted = continue_at_constant_speed(scenes, steps=FUTURE)
-    inputs = Inputs(scenes=scenes, mode=Mode.CORRECTED, predicted=predicted, calibrations=calibrations)
+    inputs = Inputs(scenes=scenes, mode=Mode.CORRECTED, predicted=predicted, calibrations=calibrations, scene=None)
     return {name: MODELS[name].predict(inputs) for name in ("constant_velocity", *LAWS)}
 
 

@@ -1,11 +1,12 @@
 """The two laws of Gazis-Herman-Rothery type: numbers by hand, zero at equal speeds, signs, floors."""
 
 import math
+import sys
 from types import ModuleType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rampcast.paper.laws import ghr, ghr_no_speed
@@ -55,8 +56,12 @@ def test_at_equal_speeds_it_keeps_its_speed(law, driver, speed, gap):
 @BOTH
 @few
 @given(driver=DRIVERS, speed=SPEEDS, leader_speed=SPEEDS, gap=GAPS)
+@example(driver=Parameters(1.0, 1.0, 1.0), speed=2.2e-311, leader_speed=0.0, gap=20.0)
 def test_it_brakes_where_it_closes_in_and_speeds_up_where_it_falls_behind(law, driver, speed, leader_speed, gap):
-    assert math.copysign(1.0, leader_speed - speed) == math.copysign(1.0, at(law, driver, speed, leader_speed, gap))
+    difference, found = leader_speed - speed, at(law, driver, speed, leader_speed, gap)
+    # XLA counts numbers below the smallest normal one, 2.2e-308, as 0: such a difference may be none.
+    too_small = abs(difference) < sys.float_info.min and found == 0.0
+    assert too_small or math.copysign(1.0, difference) == math.copysign(1.0, found)
 
 
 @BOTH
