@@ -13,7 +13,7 @@ from jaxtyping import Float
 from sklearn.ensemble import RandomForestClassifier
 
 from measure import peak_memory, seconds
-from rampcast.models.forest_arrays import pack
+from rampcast.models.trees import Forests, classification_tree, joined
 from rampcast.paper.lane_change.features import FEATURE_NAMES
 from rampcast.paper.lane_change.forests import SPECS, fit
 from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, Sampling, sample_set
@@ -51,9 +51,12 @@ def main() -> None:
         fit(anchors, spec=SPECS[mode], seed=0)
         print(f"training, {mode} mode, {len(anchors):,} anchors: {time.perf_counter() - start:.1f} s")
     slow = sklearn_forests(anchors)
-    fast = pack([[tree.tree_ for tree in forest.estimators_] for forest in slow])
-    size = sum(array.nbytes for array in fast.to_arrays().values()) / 1e6
-    print(f"{len(slow)} forests of {fast.root.shape[1]} trees, {len(fast.left):,} nodes, {size:.1f} MB as arrays")
+    trees = joined(
+        [classification_tree(tree.tree_) for forest in slow for tree in forest.estimators_], columns=len(FEATURE_NAMES)
+    )
+    fast = Forests(trees, len(slow[0].estimators_))
+    size = sum(getattr(trees, name).nbytes for name in ("feature", "threshold", "missing_left", "left", "value")) / 1e6
+    print(f"{len(slow)} forests of {fast.each} trees, {len(trees.left):,} nodes, {size:.1f} MB as arrays")
     for scenes, repeats in REPEATS.items():
         features = made_up_anchors(1).features[:scenes]
         compare(slow, fast.positive_share, features, repeats)

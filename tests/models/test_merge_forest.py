@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from rampcast.horizon import FUTURE
-from rampcast.models.merge_forest import MOMENTS, _filled, _forest, _merged_by, _of_trees, fit_merge_forest, rate_of
+from rampcast.models.merge_forest import (
+    MOMENTS,
+    _as_arrays,
+    _filled,
+    _forest,
+    _merged_by,
+    _predict,
+    fit_merge_forest,
+    rate_of,
+)
 
 TIME = 0.2 * np.arange(1, FUTURE + 1)
 
@@ -52,8 +61,7 @@ def test_arrays_predict_as_scikit_learn_does(made):
     rng = np.random.default_rng(2)
     merged = np.maximum.accumulate(rng.random((300, len(MOMENTS))) < 0.1, axis=1).astype(float)
     fitted = _forest(5, 1).fit(_filled(table), merged)
-    arrays = _of_trees([tree.tree_ for tree in fitted.estimators_], np.ones(len(MOMENTS)))
-    np.testing.assert_allclose(arrays._predict(table), fitted.predict(_filled(table)), atol=1e-6)
+    np.testing.assert_allclose(_predict(_as_arrays(fitted), table), fitted.predict(_filled(table)), atol=1e-6)
 
 
 def test_who_leaves_before_counts_as_the_roll_outs_say():

@@ -10,10 +10,10 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from rampcast.errors import ModelError
-from rampcast.models.boosted_arrays import BoostedTrees
 from rampcast.models.correction import Correction, CorrectionSpec, _Knot
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.plain_data import Record, as_plain, from_record, to_record
+from rampcast.models.trees import BoostedTrees
 from rampcast.paper.laws.mode import Mode
 from rampcast.physics import idm
 

@@ -85,7 +85,7 @@ def test_a_folder_of_an_older_form_is_refused_with_advice(folder):
     values = json.loads(path.read_text())
     path.write_text(json.dumps(values | {"folder_version": 1}))
     with pytest.raises(
-        ModelError, match=r"a model folder of form 1, this rampcast reads form 2; train the model again"
+        ModelError, match=r"a model folder of form 1, this rampcast reads form 3; train the model again"
     ):
         load(folder)
 

@@ -316,7 +316,7 @@ def _first_look(model: MergeRollOut, scenes: MergeScenes, seed: int) -> Float[np
 
 def _drawn(model: MergeRollOut, forest: MergeForest, scenes: MergeScenes, *, samples: int, seed: int) -> MergeSamples:
     """Returns roll-outs whose hazards are those of the model, times what brings a few of them to the forest's curve."""
-    if not len(forest.root):
+    if forest.trees is None:
         return sample_merges(model, scenes, samples=samples, seed=seed)
     rolled = _first_look(model, scenes, seed)
     rate = rate_of(forest.curves(merge_columns(scenes), rolled), rolled)

@@ -10,16 +10,17 @@ A vehicle that left the recording before counts after that moment with what the 
 Source: Ishwaran et al. 2008 for forests of survival curves; Breiman 2001.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Shaped
 from sklearn.ensemble import RandomForestRegressor
 
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.folds import Fold
+from rampcast.models.trees import Trees, decision_tree, joined
 
 # steps of 0.2 s at which the curves are known: every 0.4 s for 4 s, then every second
 MOMENTS = np.concatenate([np.arange(0, 20, 2), np.arange(24, FUTURE, 5)])
@@ -32,7 +33,6 @@ MOST_ROWS = 2000  # to choose the shares; more choose the same
 MISSING = -1000.0  # in place of what is not known: below all that is
 SURE = 1e-3  # no probability is nearer to 1 when curves are compared
 NOISE = 2e-4  # hazard between two moments below which neither curve says anything
-NONE = np.zeros(0, np.int32)
 SLOWEST, FASTEST = 0.05, 20.0  # limits of the rate: a hazard of the roll-outs is no farther off
 
 
@@ -41,22 +41,11 @@ class MergeForest:
     """A fitted forest, as arrays.
 
     Attributes:
-        feature: column that a node compares; 0 at a leaf.
-        threshold: greatest value that goes left; infinite at a leaf.
-        left, right: children; the node itself at a leaf.
-        value: probability to have merged by `MOMENTS`.
-        root: first node of each tree; none if nothing was learned.
-        depth: levels below the deepest root.
+        trees: their outputs are the probability to have merged by `MOMENTS`; None if nothing was learned.
         share: how far the forest counts at each of the moments.
     """
 
-    feature: Int[np.ndarray, "node"]
-    threshold: Float[np.ndarray, "node"]
-    left: Int[np.ndarray, "node"]
-    right: Int[np.ndarray, "node"]
-    value: Float[np.ndarray, "node moment"]
-    root: Int[np.ndarray, "tree"]
-    depth: int
+    trees: Trees | None
     share: Float[np.ndarray, "moment"]
 
     def curves(
@@ -68,20 +57,11 @@ class MergeForest:
             table: what is seen at t = 0; NaN where not known.
             rolled: the same probability, of the roll-outs.
         """
-        if not len(self.root):
+        if self.trees is None:
             return rolled
-        at_moments = self._predict(table)
+        at_moments = _predict(self.trees, table)
         mean = self.share * at_moments + (1.0 - self.share) * rolled[:, MOMENTS]
         return _over_time(np.maximum.accumulate(mean, axis=1), rolled)
-
-    def _predict(self, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row moment"]:
-        values = _filled(table)
-        node = np.broadcast_to(self.root, (len(values), len(self.root)))
-        row = np.arange(len(values))[:, None]
-        for _ in range(self.depth):
-            goes_left = values[row, self.feature[node]] <= self.threshold[node]
-            node = np.where(goes_left, self.left[node], self.right[node])
-        return np.stack([self.value[:, moment][node].mean(axis=1) for moment in range(self.value.shape[1])], axis=1)
 
 
 def fit_merge_forest(
@@ -106,7 +86,7 @@ def fit_merge_forest(
         seed: of the trees.
     """
     if len(table) < LEAST_ROWS or not np.isfinite(change_time).any():
-        return _of_trees([], np.zeros(len(MOMENTS)))
+        return MergeForest(None, np.zeros(len(MOMENTS)))
     merged = _merged_by(rolled, change_time, seen_for)
     _, number = np.unique(group, return_inverse=True)
     weight = 1.0 / np.sqrt(np.bincount(number)[number])
@@ -118,7 +98,7 @@ def fit_merge_forest(
     ]
     best = np.array(SHARES)[np.argmin(errors, axis=0)]
     forest = _forest(TREES, seed).fit(table, merged, sample_weight=weight)
-    return _of_trees([tree.tree_ for tree in forest.estimators_], best)
+    return MergeForest(_as_arrays(forest), best)
 
 
 def rate_of(
@@ -189,31 +169,14 @@ def _out_of_fold(
     return found
 
 
-def _of_trees(trees: Sequence[Any], share: Float[np.ndarray, "moment"]) -> MergeForest:
-    """Returns fitted trees (`tree_` of scikit-learn) as arrays."""
-    root = np.cumsum([0, *(tree.node_count for tree in trees)])[:-1].astype(np.int32)
-    leaf = [tree.children_left < 0 for tree in trees]
-    here = [first + np.arange(tree.node_count) for tree, first in zip(trees, root, strict=True)]
+def _as_arrays(forest: Any) -> Trees:
+    """Returns a fitted forest as arrays; the curves of its nodes never fall."""
+    grown = [tree.tree_ for tree in forest.estimators_]
+    curves = [np.maximum.accumulate(tree.value[:, :, 0], axis=1).astype(np.float32) for tree in grown]
+    trees = [decision_tree(tree, value) for tree, value in zip(grown, curves, strict=True)]
+    return joined(trees, columns=forest.n_features_in_)
 
-    def joined(parts: Iterable[np.ndarray], empty: np.ndarray) -> np.ndarray:
-        return np.concatenate([empty, *parts]).astype(empty.dtype)
 
-    def child(side: str) -> np.ndarray:
-        parts = zip(trees, root, leaf, here, strict=True)
-        return joined((np.where(end, self, first + getattr(tree, side)) for tree, first, end, self in parts), NONE)
-
-    return MergeForest(
-        feature=joined((np.where(end, 0, tree.feature) for tree, end in zip(trees, leaf, strict=True)), NONE),
-        threshold=joined(
-            (np.where(end, np.inf, tree.threshold) for tree, end in zip(trees, leaf, strict=True)), np.zeros(0)
-        ),
-        left=child("children_left"),
-        right=child("children_right"),
-        value=joined(
-            (np.maximum.accumulate(tree.value[:, :, 0], axis=1) for tree in trees),
-            np.zeros((0, len(MOMENTS)), np.float32),
-        ),
-        root=root,
-        depth=max((int(tree.max_depth) for tree in trees), default=0),
-        share=share,
-    )
+def _predict(trees: Trees, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row moment"]:
+    leaves = trees.leaves(_filled(table))
+    return np.stack([value[leaves].mean(axis=1) for value in trees.value.T], axis=1)

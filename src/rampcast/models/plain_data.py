@@ -1,6 +1,6 @@
 """Dataclasses and named tuples of arrays and numbers as plain data, and back: what json holds, and arrays by name.
 
-A new field of a model needs nothing here. Boosted trees of scikit-learn become `models.boosted_arrays.BoostedTrees`,
+A new field of a model needs nothing here. Boosted trees of scikit-learn become `models.trees.BoostedTrees`,
 which predict the same. Only dataclasses, named tuples and enumerations of rampcast itself are made when reading.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from rampcast.errors import ModelError
-from rampcast.models.boosted_arrays import boosted_trees
+from rampcast.models.trees import boosted_trees
 
 PACKAGE = "rampcast"
 PLAIN = (bool, int, float, str, type(None))

@@ -25,10 +25,10 @@ from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, Network
 from rampcast.sites.site import site_from_dict, site_to_dict
 
-FOLDER_VERSION = 2
+FOLDER_VERSION = 3
 LIBRARIES = ("jax", "equinox", "scikit-learn", "numpy", "polars")
 DESCRIPTION, FORESTS, NETWORK, SCENE = "model.json", "forests.npz", "network.eqx", "scene.npz"
-VALUES = "values"  # array of a scene forecaster's file that holds its numbers, as json
+VALUES = "values"  # array of a file that holds a model's numbers, as json
 LSTM_ARRAYS = ("lowest", "highest", "losses")
 
 
@@ -120,8 +120,7 @@ def load_lstm(folder: Path) -> NeighbourLstm:
 
 def save_forests(forests: LaneChangeForests, path: Path) -> None:
     """Writes lane-change forests as arrays (npz), whole or not at all."""
-    with write_whole(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **forests.to_arrays())
+    _save_record(forests, path)
 
 
 def load_forests(path: Path) -> LaneChangeForests:
@@ -130,15 +129,12 @@ def load_forests(path: Path) -> LaneChangeForests:
     Raises:
         ModelError: the file is missing or damaged.
     """
-    with _damage_told(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-        return LaneChangeForests.from_arrays(dict(arrays))
+    return _load_record(path)
 
 
 def save_scene(scene: SceneForecaster, path: Path) -> None:
     """Writes a scene forecaster as arrays (npz), whole or not at all."""
-    record = to_record(scene)
-    with write_whole(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **{VALUES: np.array(json.dumps(record.values))}, **record.arrays)
+    _save_record(scene, path)
 
 
 def load_scene(path: Path) -> SceneForecaster:
@@ -147,6 +143,16 @@ def load_scene(path: Path) -> SceneForecaster:
     Raises:
         ModelError: the file is missing or damaged.
     """
+    return _load_record(path)
+
+
+def _save_record(model: LaneChangeForests | SceneForecaster, path: Path) -> None:
+    record = to_record(model)
+    with write_whole(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{VALUES: np.array(json.dumps(record.values))}, **record.arrays)
+
+
+def _load_record(path: Path) -> Any:
     with _damage_told(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
         return from_record(Record(json.loads(str(arrays[VALUES])), dict(arrays)))
 

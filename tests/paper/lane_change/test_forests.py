@@ -1,17 +1,13 @@
 """The 32 lane-change forests: equal to scikit-learn, honest about what they were trained on."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from sklearn.ensemble import RandomForestClassifier
 
 from rampcast.errors import ModelError
-from rampcast.models.forest_arrays import TREES_TOGETHER, leaf, pack
+from rampcast.models.plain_data import as_plain, to_record
 from rampcast.paper.lane_change.forests import (
     SPECS,
     Cumulative,
@@ -40,40 +36,6 @@ def forests(anchors: Anchors) -> LaneChangeForests:
     return fit(anchors, spec=SMALL, seed=1)
 
 
-def sklearn_forests(n: int, *, n_trees: int, features: np.ndarray, seed: int) -> list[RandomForestClassifier]:
-    rng = np.random.default_rng(seed)
-    noisy = features[:, 0] + features[:, 0].std() * rng.normal(size=len(features))
-    targets = [noisy > np.quantile(noisy, (i + 1) / (n + 1)) for i in range(n)]
-    return [
-        RandomForestClassifier(n_trees, random_state=seed + i, max_depth=[None, 3][i % 2]).fit(features, target)
-        for i, target in enumerate(targets)
-    ]
-
-
-@pytest.mark.parametrize("scenes", [0, 1, 5, 20, max(TREES_TOGETHER) + 3])
-@pytest.mark.parametrize("n_trees", [1, 7, 40])
-def test_probabilities_equal_those_of_scikit_learn(scenes: int, n_trees: int) -> None:
-    rng = np.random.default_rng(n_trees)
-    train = np.round(rng.normal(size=(300, 5)), 1)  # rounded: many ties, impure leaves
-    slow = sklearn_forests(4, n_trees=n_trees, features=train, seed=n_trees)
-    fast = pack([[tree.tree_ for tree in forest.estimators_] for forest in slow])
-    new = np.round(rng.normal(size=(scenes, 5)), 1)
-    expected = [forest.predict_proba(new)[:, 1] if scenes else np.zeros(0) for forest in slow]
-    np.testing.assert_allclose(fast.positive_share(new), np.stack(expected, axis=1), rtol=0, atol=1e-12)
-
-
-def test_a_feature_on_a_threshold_goes_the_way_scikit_learn_sends_it() -> None:
-    rng = np.random.default_rng(3)
-    train = rng.normal(size=(200, 2)) * 1e3 + 1e6  # float32 is coarse here: thresholds fall between its numbers
-    slow = sklearn_forests(1, n_trees=5, features=train, seed=3)
-    fast = pack([[tree.tree_ for tree in slow[0].estimators_]])
-    edges = np.unique(np.concatenate([tree.tree_.threshold for tree in slow[0].estimators_]))
-    for value in (edges, np.nextafter(edges, np.inf), np.nextafter(edges.astype(np.float32), np.float32(np.inf))):
-        new = np.stack([value, value], axis=1)
-        expected = slow[0].predict_proba(new)[:, 1]
-        np.testing.assert_allclose(fast.positive_share(new)[:, 0], expected, rtol=0, atol=1e-12)
-
-
 def test_the_answer_for_a_scene_does_not_depend_on_the_others(forests: LaneChangeForests) -> None:
     features = random_anchors(np.random.default_rng(4), 40).features
     together = np.stack(predict(forests, features))
@@ -82,10 +44,10 @@ def test_the_answer_for_a_scene_does_not_depend_on_the_others(forests: LaneChang
 
 
 def test_the_seed_fixes_everything(anchors: Anchors, forests: LaneChangeForests) -> None:
-    again, other = (fit(anchors, spec=SMALL, seed=seed).to_arrays() for seed in (1, 2))
-    for name, array in forests.to_arrays().items():
+    again, other = (to_record(fit(anchors, spec=SMALL, seed=seed)).arrays for seed in (1, 2))
+    for name, array in to_record(forests).arrays.items():
         assert np.array_equal(array, again[name], equal_nan=array.dtype.kind == "f"), name
-    assert len(other["left"]) != len(again["left"]) or not np.array_equal(other["threshold"], again["threshold"])
+    assert not np.array_equal(other["packed.trees.left"], again["packed.trees.left"])
 
 
 def test_forests_learn(forests: LaneChangeForests) -> None:
@@ -96,12 +58,8 @@ def test_forests_learn(forests: LaneChangeForests) -> None:
     assert at[near, 3].mean() > at[test.change_time > 6.0, 3].mean() + 0.2
 
 
-def test_saved_arrays_give_the_same_forests_without_pickle(forests: LaneChangeForests, anchors: Anchors) -> None:
-    file = io.BytesIO()
-    np.savez_compressed(file, **forests.to_arrays())
-    file.seek(0)
-    with np.load(file, allow_pickle=False) as arrays:
-        loaded = LaneChangeForests.from_arrays(arrays)
+def test_forests_as_plain_data_are_the_same_forests(forests: LaneChangeForests, anchors: Anchors) -> None:
+    loaded = as_plain(forests)
     assert loaded.spec == forests.spec
     assert loaded.reading is forests.reading
     for mine, theirs in zip(predict(forests, anchors.features), predict(loaded, anchors.features), strict=True):
@@ -110,29 +68,9 @@ def test_saved_arrays_give_the_same_forests_without_pickle(forests: LaneChangeFo
     assert training_table(loaded).equals(training_table(forests))
 
 
-@pytest.mark.parametrize("name", ["left", "root", "spec", "counts", "sampling"])
-def test_a_missing_array_is_named(forests: LaneChangeForests, name: str) -> None:
-    arrays = forests.to_arrays()
-    name = "mode" if name == "spec" else name
-    del arrays[name]
-    with pytest.raises(ModelError, match=name):
-        LaneChangeForests.from_arrays(arrays)
-
-
-@pytest.mark.parametrize(("name", "value"), [("left", 10**6), ("left", -1), ("feature", 42), ("root", 10**6)])
-def test_a_node_that_points_nowhere_is_refused(forests: LaneChangeForests, name: str, value: int) -> None:
-    arrays = forests.to_arrays() | {name: forests.to_arrays()[name].copy()}
-    arrays[name].flat[0] = value
-    with pytest.raises(ModelError, match="outside"):
-        LaneChangeForests.from_arrays(arrays)
-
-
-def test_arrays_of_the_wrong_shape_are_refused(forests: LaneChangeForests) -> None:
-    arrays = forests.to_arrays()
-    with pytest.raises(ModelError, match="32 forests of 3 trees"):
-        LaneChangeForests.from_arrays(arrays | {"root": arrays["root"][:5]})
-    with pytest.raises(ModelError, match="one length"):
-        LaneChangeForests.from_arrays(arrays | {"share": arrays["share"][:5]})
+def test_forests_of_another_number_are_refused(forests: LaneChangeForests) -> None:
+    with pytest.raises(ModelError, match=r"expected 32 forests of 4 trees.*got 96 trees, 3 in a forest"):
+        replace(forests, spec=replace(forests.spec, n_trees=4))
 
 
 def test_importances_of_every_grouping_sum_to_one(forests: LaneChangeForests) -> None:
@@ -215,13 +153,6 @@ def test_a_feature_that_is_no_number_is_named(anchors: Anchors) -> None:
         fit(replace(anchors, features=features), spec=SMALL, seed=0)
     with pytest.raises(ModelError, match="at least one scene"):
         fit(Anchors(np.zeros((0, 42)), np.zeros(0), np.zeros(0), np.zeros(0, int), Reading.LABEL), spec=SMALL, seed=0)
-
-
-@settings(max_examples=20, deadline=None)
-@given(share=st.floats(0.0, 1.0))
-def test_a_forest_of_leaves_gives_its_share(share: float) -> None:
-    packed = pack([[leaf(share)] * 3, [leaf(1.0 - share)] * 3])
-    assert packed.positive_share(np.zeros((1, 42))) == pytest.approx(np.array([[share, 1.0 - share]]), abs=1e-12)
 
 
 def test_the_codes_of_a_saved_training_stay_what_they_are() -> None:

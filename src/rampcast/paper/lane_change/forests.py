@@ -4,17 +4,17 @@ Trained with scikit-learn, kept as plain arrays, evaluated all at once.
 Source: Li, Fischer, Kontar, Ahn, arXiv 2108.10397, section "RF Classifier".
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import polars as pl
 from jaxtyping import Float, Int
 
 from rampcast.errors import ModelError
-from rampcast.models.forest_arrays import PackedForests, leaf, pack
+from rampcast.models.trees import Forests, Tree, classification_tree, joined, leaf
 from rampcast.paper.lane_change.features import FEATURE_NAMES, GROUPINGS
 from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, SampleSet, Sampling, sample_set
 from rampcast.paper.laws.mode import Mode
@@ -78,45 +78,23 @@ class LaneChangeForests:
 
     spec: ForestSpec
     reading: Reading
-    packed: PackedForests
+    packed: Forests
     training: Int[np.ndarray, "32"]
     counts: Int[np.ndarray, "32 4"]
     importance: Float[np.ndarray, "32 42"]
 
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """Returns everything as plain arrays, for `np.savez`; nothing in them needs pickle."""
-        spec = {name: np.array(value) for name, value in _spec_values(self.spec).items()}
-        own = {name: getattr(self, name) for name in ("training", "counts", "importance")}
-        return self.packed.to_arrays() | own | spec | {"reading": np.array(self.reading.value)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "LaneChangeForests":
-        """Returns the forests that `to_arrays` described.
+    def __post_init__(self) -> None:
+        """Checks that there are 32 forests of as many trees as the spec says, over the 42 features.
 
         Raises:
-            ModelError: an array is missing or of the wrong shape, or holds what no training writes.
+            ModelError: there are not.
         """
-        packed = PackedForests.from_arrays(arrays, n_features=len(FEATURE_NAMES))
-        classifiers = len(KINDS) * len(TIMES)
-        try:
-            spec = ForestSpec(
-                mode=Mode(str(arrays["mode"])),
-                n_trees=int(arrays["n_trees"]),
-                sampling=Sampling(str(arrays["sampling"])),
-                cumulative=Cumulative(str(arrays["cumulative"])),
+        found = (len(self.packed.trees.root), self.packed.each, self.packed.trees.columns)
+        if found != (len(KINDS) * len(TIMES) * self.spec.n_trees, self.spec.n_trees, len(FEATURE_NAMES)):
+            raise ModelError(
+                f"expected {len(KINDS) * len(TIMES)} forests of {self.spec.n_trees} trees over {len(FEATURE_NAMES)} "
+                f"features, got {found[0]} trees, {found[1]} in a forest, over {found[2]}"
             )
-            if packed.root.shape != (classifiers, spec.n_trees):
-                raise ValueError(f"expected {classifiers} forests of {spec.n_trees} trees, got {packed.root.shape}")
-            return cls(
-                spec=spec,
-                reading=Reading(str(arrays["reading"])),
-                packed=packed,
-                training=arrays["training"].astype(np.int64).reshape(classifiers),
-                counts=arrays["counts"].astype(np.int64).reshape(classifiers, len(COUNTS)),
-                importance=arrays["importance"].astype(np.float64).reshape(classifiers, len(FEATURE_NAMES)),
-            )
-        except (KeyError, ValueError) as error:
-            raise ModelError(f"forests: {error}: the file is damaged or of another version; train again") from error
 
 
 def fit(anchors: Anchors, *, spec: ForestSpec, seed: int, progress: Progress | None = None) -> LaneChangeForests:
@@ -132,14 +110,14 @@ def fit(anchors: Anchors, *, spec: ForestSpec, seed: int, progress: Progress | N
         ModelError: there are no anchors, or a feature is not a finite number.
     """
     _check(anchors)
-    trees: list[list[Any]] = []
+    trees: list[Tree] = []
     training, counts, importance = [], [], []
     jobs = [(kind, t) for kind in KINDS for t in TIMES]
     for number, (kind, t) in enumerate(jobs):
         draw, grow = np.random.SeedSequence([seed, number]).spawn(2)
         samples = sample_set(kind, t, anchors, sampling=spec.sampling, generator=np.random.default_rng(draw))
         forest, outcome, weight = _train(anchors, samples, spec, int(grow.generate_state(1)[0]))
-        trees.append(forest)
+        trees += forest
         training.append(outcome.value)
         counts.append((len(samples.rows), samples.positive.sum(), samples.censored, samples.changed_already))
         importance.append(weight)
@@ -148,7 +126,7 @@ def fit(anchors: Anchors, *, spec: ForestSpec, seed: int, progress: Progress | N
     return LaneChangeForests(
         spec=spec,
         reading=anchors.reading,
-        packed=pack(trees),
+        packed=Forests(joined(trees, columns=len(FEATURE_NAMES)), spec.n_trees),
         training=np.array(training),
         counts=np.array(counts, dtype=np.int64),
         importance=np.array(importance),
@@ -196,7 +174,7 @@ def training_table(forests: LaneChangeForests) -> pl.DataFrame:
 
 def _train(
     anchors: Anchors, samples: SampleSet, spec: ForestSpec, random_state: int
-) -> tuple[list[Any], Training, Float[np.ndarray, "42"]]:
+) -> tuple[list[Tree], Training, Float[np.ndarray, "42"]]:
     """Returns the trees of one classifier, how its training ended, and the importance of each feature."""
     from sklearn.ensemble import RandomForestClassifier  # here, for predicting needs none of it and importing is slow
 
@@ -210,7 +188,7 @@ def _train(
     )
     classifier.fit(anchors.features[samples.rows], samples.positive)
     weight = classifier.feature_importances_
-    trees = [tree.tree_ for tree in classifier.estimators_]
+    trees = [classification_tree(tree.tree_) for tree in classifier.estimators_]
     return trees, Training.TRAINED, weight if weight.any() else nothing
 
 
@@ -227,15 +205,6 @@ def _draws_per_tree(anchors: Anchors, samples: SampleSet, spec: ForestSpec) -> i
 
 def _classifier_columns() -> pl.DataFrame:
     return pl.DataFrame({"kind": np.repeat(KINDS, len(TIMES)), "t": np.tile(np.array(TIMES, np.float64), len(KINDS))})
-
-
-def _spec_values(spec: ForestSpec) -> dict[str, str | int]:
-    return {
-        "mode": spec.mode.value,
-        "n_trees": spec.n_trees,
-        "sampling": spec.sampling.value,
-        "cumulative": spec.cumulative.value,
-    }
 
 
 def _check(anchors: Anchors) -> None:
