@@ -1,6 +1,7 @@
 """The command and its files."""
 
 import json
+import sys
 from pathlib import Path
 
 import polars as pl
@@ -89,7 +90,7 @@ def test_the_command_prints_a_table_and_writes_the_files(found, tmp_path, monkey
         asked.update(train=train, test=test, simulated=others["simulated"])
         return found
 
-    monkeypatch.setattr("rampcast.benchmark.run_benchmark", run)
+    monkeypatch.setattr(sys.modules["rampcast.benchmark.run"], "run_benchmark", run)
     done = CliRunner().invoke(app, ["benchmark", "--train", "here", "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     assert (str(asked["train"]), str(asked["test"]), len(asked["simulated"])) == ("here", "here", 3)

@@ -8,6 +8,7 @@ from rampcast.benchmark.metrics import case_table, score_table
 from rampcast.benchmark.models import MODELS, Forecasts, Training
 from rampcast.benchmark.run import (
     Benchmark,
+    benchmark,
     default_folder,
     forecast_cases,
     forecast_merges,
@@ -27,6 +28,7 @@ __all__ = [
     "MergeForecasts",
     "Split",
     "Training",
+    "benchmark",
     "case_table",
     "default_folder",
     "folds",

@@ -28,6 +28,7 @@ from rampcast.benchmark.models import MODELS, ORACLE, Fit, Forecasts, Training, 
 from rampcast.benchmark.splits import folds, group_numbers, split
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
+from rampcast.simulate.shipped import shipped_sample
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
 Tell = Callable[[str, int, int], None]  # what, done, total
@@ -58,6 +59,38 @@ class Benchmark:
 def default_folder() -> Path:
     """Returns the folder of the real recordings: real in RAMPCAST_DATA, or in ../shared/data."""
     return Path(os.environ.get("RAMPCAST_DATA", "../shared/data")) / "real"
+
+
+def benchmark(
+    folder: Path | str | None = None,
+    *,
+    test: Path | str | None = None,
+    out: Path | str | None = None,
+    command: str = "",
+    progress: Tell | None = None,
+) -> Benchmark:
+    """Returns the scores of every model and baseline on the open benchmark, and each single forecast.
+
+    It takes about twelve minutes of processor time. A folder without simulated windows gets the shipped ones.
+
+    Args:
+        folder: files to train on; None for `default_folder`.
+        test: files to test on; None for those of `folder`, split as the committed file says.
+        out: folder for the tables and pictures; None writes nothing.
+        command: what the user called, for the record of the run.
+        progress: see `run_benchmark`.
+
+    Raises:
+        RecordingError: no data set has its files in both folders.
+    """
+    folder = Path(folder) if folder is not None else default_folder()
+    found = run_benchmark(folder, Path(test or folder), simulated=shipped_sample(), progress=progress)
+    if out is not None:
+        from rampcast.benchmark.pictures import write_benchmark_pictures  # draws: slow to import, not always wanted
+
+        write_benchmark(found, Path(out), command=command)
+        write_benchmark_pictures(Path(out))
+    return found
 
 
 def run_benchmark(

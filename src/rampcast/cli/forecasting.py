@@ -171,17 +171,12 @@ def benchmark(
     out: OutFolder = Path("out/benchmark"),
 ) -> None:
     """Scores every model and baseline on the open benchmark, and writes each single forecast for others to score."""
-    from rampcast.benchmark import default_folder, run_benchmark, write_benchmark
-    from rampcast.benchmark.pictures import write_benchmark_pictures
-    from rampcast.simulate import shipped_sample
+    from rampcast.benchmark import benchmark as run
 
-    train = train or default_folder()
     with terminal.progress() as tell:
-        found = run_benchmark(train, test or train, simulated=shipped_sample(), progress=tell)
+        found = run(train, test=test, out=out, command=user_command(), progress=tell)
     terminal.print_benchmark(found)
-    for path in write_benchmark(found, out, command=user_command()):
-        terminal.say(f"wrote {path}")
-    terminal.say(f"wrote {len(write_benchmark_pictures(out))} pictures to {out}")
+    terminal.say(f"wrote its tables, pictures and run.json to {out}")
 
 
 @app.command(epilog="Example:\n\nrampcast demo --out out/demo")

@@ -11,6 +11,7 @@ import polars as pl
 
 from rampcast.errors import FormatError, RecordingError, SiteError
 from rampcast.files import write_whole
+from rampcast.notebook import html_table
 from rampcast.recording import columns as c
 from rampcast.recording.parquet import read_head, read_table
 from rampcast.sites.site import Site, site_from_dict, site_to_dict
@@ -58,6 +59,16 @@ class Recording:
         if name not in self.names:
             raise RecordingError(f"there is no window '{name}' in this recording; it has {', '.join(self.names)}")
         return replace(self, tracks=self.tracks.filter(pl.col(c.RECORDING) == name))
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "windows": ", ".join(self.names),
+            "vehicles": f"{self.tracks.select(c.RECORDING, c.VEHICLE).n_unique():,}",
+            "rows": f"{self.tracks.height:,}",
+            "time step": f"{self.time_step:g} s, {'smoothed' if self.is_smoothed else 'raw'}",
+            "source": f"{self.source}, {'simulated' if self.site.simulated else 'real'} traffic",
+        }
+        return html_table(f"Recording: {self.site.title}", rows)
 
 
 def concatenate(recordings: Sequence[Recording]) -> Recording:

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from rampcast.arguments import expected
 from rampcast.errors import RecordingError
 from rampcast.horizon import SAME_STEP, STEP
 from rampcast.recording import columns as c
@@ -145,6 +146,7 @@ def derivative(
 
 
 def _check(recording: Recording) -> None:
+    expected(Recording, recording, name="recording", advice="rc.read makes one of files")
     if recording.is_smoothed:
         raise RecordingError("this recording is smoothed already; clean the raw one")
     if recording.tracks.is_empty():

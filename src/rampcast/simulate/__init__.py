@@ -5,7 +5,8 @@ Reading the shipped sample needs no SUMO; making a recording does (``pip install
 
 from rampcast.simulate.noise import add_position_noise
 from rampcast.simulate.realism import realism, space_time, wave_speed
-from rampcast.simulate.sample import make_sample, shipped_sample
+from rampcast.simulate.sample import make_sample
+from rampcast.simulate.shipped import shipped_sample
 from rampcast.simulate.simulation import simulate
 
 __all__ = ["add_position_noise", "make_sample", "realism", "shipped_sample", "simulate", "space_time", "wave_speed"]

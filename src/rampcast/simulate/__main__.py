@@ -14,7 +14,8 @@ from rich.progress import Progress, TaskID
 
 from rampcast.recording import read_recording, write_recording
 from rampcast.simulate.realism import realism
-from rampcast.simulate.sample import SITE, WINDOWS, make_sample, shipped_sample
+from rampcast.simulate.sample import SITE, WINDOWS, make_sample
+from rampcast.simulate.shipped import shipped_sample
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -4,7 +4,6 @@ python -m rampcast.simulate sample FOLDER      makes it again (needs SUMO)
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import polars as pl
 
@@ -12,13 +11,11 @@ from rampcast.errors import RecordingError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate.programs import Progress
-from rampcast.simulate.simulation import simulate
+from rampcast.simulate.simulation import MINUTES, simulate
 from rampcast.sites import load_site
 
 SITE = "simulated"
-MINUTES = 15.0  # as NGSIM's windows
 DIGITS = 2  # positions are kept to the centimetre: it makes the files a third of their size
-DATA_FOLDER = Path(__file__).parent / "data"
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,6 @@ WINDOWS = {
     "2": Window(seed=2, flow_per_lane=1900.0, ramp_flow=580.0, sign_speeds=(5.0, 17.0)),
     "3": Window(seed=3, flow_per_lane=2000.0, ramp_flow=620.0, sign_speeds=(5.0, 18.0)),
 }
-
-
-def shipped_sample() -> list[Path]:
-    """Returns the files of the shipped simulated recordings, one per window, in order; reading needs no SUMO."""
-    return sorted(DATA_FOLDER.glob("simulated-*.parquet"))
 
 
 def make_sample(window: str, *, minutes: float = MINUTES, progress: Progress | None = None) -> Recording:

@@ -17,7 +17,7 @@ from rampcast.simulate.lateral import lateral_path
 from rampcast.simulate.network import Road, main_lanes, ramp_roads, roads, write_network
 from rampcast.simulate.noise import add_position_noise
 from rampcast.simulate.programs import Progress, program, run_with_progress
-from rampcast.sites import Site
+from rampcast.sites import Site, site_of
 
 TIME_STEP = 0.1  # [s] NGSIM's 10 Hz; SUMO steps at the same rate, nothing is interpolated
 SETTLE = 10.0  # [s] simulated before and after the recording, so that lane changes at its edges are whole
@@ -26,14 +26,15 @@ FLOW_PER_LANE = 1900.0  # [vehicles/h]
 RAMP_FLOW = 600.0  # [vehicles/h]
 SHARES = (0.015, 0.945, 0.04)  # motorcycles, cars, trucks; about those of NGSIM's I-80
 SIGN_SPEEDS = (5.0, 16.0)  # [m/s]
+MINUTES = 15.0  # as NGSIM's windows
 WARM_UP = 240.0  # [s]
 
 
 def simulate(
-    site: Site,
+    site: Site | str | Path,
     *,
-    minutes: float,
-    seed: int,
+    minutes: float = MINUTES,
+    seed: int = 1,
     window: str = "1",
     flow_per_lane: float = FLOW_PER_LANE,
     ramp_flow: float = RAMP_FLOW,
@@ -48,7 +49,7 @@ def simulate(
     The same arguments give the same recording with the same release of SUMO, and a shorter one begins a longer one.
 
     Args:
-        site: the geometry. Of its lanes the main ones and the ramp are simulated; exits are not.
+        site: the geometry, or its name or file. Of its lanes the main ones and the ramp are simulated; exits are not.
         minutes: recorded time [min].
         seed: of every draw.
         window: name of the window; the recording is called "<site>-<window>".
@@ -65,6 +66,7 @@ def simulate(
         SiteError: the site's target lane is not its rightmost main lane.
         RecordingError: an argument has no meaning.
     """
+    site = site_of(site)
     if minutes <= 0 or warm_up < SETTLE:
         raise RecordingError(f"expected minutes > 0 and warm_up >= {SETTLE} s, got {minutes} and {warm_up}")
     duration = warm_up + 60 * minutes + SETTLE

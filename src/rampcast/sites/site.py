@@ -16,8 +16,10 @@ import numpy as np
 import tomli_w
 from jaxtyping import Float
 
+from rampcast.arguments import expected
 from rampcast.errors import SiteError
 from rampcast.files import write_whole
+from rampcast.notebook import html_table
 from rampcast.sites.values import check_site_values, close_name
 
 SITE_FOLDER = Path(__file__).parent / "data"
@@ -114,6 +116,17 @@ class Site:
         """Returns start and end of each recorded window [ms since 1970, UTC]."""
         return {w.name: (self._milliseconds(w.start), self._milliseconds(w.end)) for w in self.windows}
 
+    def _repr_html_(self) -> str:
+        ramp = f"gore at {self.gore:g} m, ends at {self.ramp_end:g} m, into lane {self.target_lane}"
+        rows = {
+            "name": self.name,
+            "length": f"{self.length:g} m",
+            "lanes": ", ".join(f"{lane.number} ({lane.role})" for lane in self.lanes),
+            "ramp": ramp if self.has_ramp else "none",
+            "windows": ", ".join(window.name for window in self.windows) or "none named",
+        }
+        return html_table(f"Site: {self.title}", rows)
+
     def _milliseconds(self, local: str) -> int:
         moment = datetime.fromisoformat(local).replace(tzinfo=ZoneInfo(self.timezone))
         return round(moment.timestamp() * 1000)
@@ -143,6 +156,17 @@ def load_site(name: str | Path) -> Site:
         raise SiteError(f"{path}: not a TOML file: {error}") from error
     except SiteError as error:
         raise SiteError(f"{path}: {error}") from error
+
+
+def site_of(site: Site | str | Path) -> Site:
+    """Returns a site that is given by itself, by its name, or by the path of its file.
+
+    Raises:
+        SiteError: as `load_site`, or it is something else.
+    """
+    if isinstance(site, str | Path):
+        return load_site(site)
+    return expected(Site, site, name="site", advice="or the name of a site, or the path of a site file")
 
 
 def site_from_dict(values: dict[str, Any]) -> Site:

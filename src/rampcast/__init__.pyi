@@ -1,0 +1,9 @@
+from .benchmark import benchmark as benchmark
+from .errors import RampcastError as RampcastError
+from .plots import plot as plot
+from .recording import Recording as Recording
+from .recording import clean as clean
+from .simulate import simulate as simulate
+from .sites import Site as Site
+
+__version__: str

@@ -1,0 +1,123 @@
+"""`import rampcast as rc`: light, complete, and the same whatever else was imported before."""
+
+import ast
+import pkgutil
+import subprocess
+import sys
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+import rampcast as rc
+from rampcast.arguments import chosen, expected
+from rampcast.recording import read_recording
+from rampcast.simulate import shipped_sample
+from tests.factories import TEST_SITE
+
+PACKAGE = Path(rc.__file__).parent
+HEAVY = ("equinox", "jax", "jinja2", "matplotlib", "numpy", "optax", "polars", "rich", "scipy", "sklearn", "typer")
+MOST_MILLISECONDS = 50.0
+HOSTILE = "<script>alert(\"ramp\")</script> & 'co'"
+
+
+WRONG = {  # calls of the front door, and what the answer says
+    ("clean", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
+    ("plot", "i80.csv"): "expected a Recording, a Site or a Forecast, got a str",
+    ("simulate", 3): "site: expected a Site, got 3",
+    ("simulate", "i81"): "there is no site 'i81'; is 'i80' meant",
+}
+
+
+class Colour(StrEnum):
+    """An Enum as public functions take them."""
+
+    RED = "red"
+    BLUE = "blue"
+
+
+def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=True)
+
+
+@pytest.fixture(scope="module")
+def recording() -> rc.Recording:
+    return read_recording(shipped_sample()[0])
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    loaded = python("-c", "import sys, rampcast; print(*sys.modules)").stdout.split()
+    assert [name for name in HEAVY if name in loaded] == []
+    assert [name for name in loaded if name.startswith("rampcast.")] == []
+
+
+def test_importing_the_package_takes_less_than_50_milliseconds():
+    spent = [python("-X", "importtime", "-c", "import rampcast").stderr.splitlines()[-1] for _ in range(5)]
+    assert [line.split()[-1] for line in spent] == ["rampcast"] * 5
+    assert min(float(line.split("|")[1]) / 1e3 for line in spent) < MOST_MILLISECONDS
+
+
+def test_no_module_hides_a_name_of_the_front_door_even_if_every_module_is_imported_first():
+    imports = "".join(f"import {one.name}\n" for one in pkgutil.walk_packages(rc.__path__, "rampcast."))
+    asked = "import rampcast as rc\nprint([name for name in rc.__all__ if type(getattr(rc, name)) is type(rc)])"
+    assert python("-c", f"{imports}{asked}").stdout.strip() == "[]"
+
+
+def test_the_types_that_checkers_see_are_those_of_the_front_door():
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
+    imported = {alias.name for one in stub.body if isinstance(one, ast.ImportFrom) for alias in one.names}
+    assert imported | {"__version__"} == set(rc.__all__)
+    assert (PACKAGE / "py.typed").is_file()
+
+
+def test_an_enum_is_given_by_its_member_or_by_its_value():
+    assert chosen(Colour, "red", name="colour") is chosen(Colour, Colour.RED, name="colour") is Colour.RED
+
+
+@pytest.mark.parametrize("value", ["green", "RED", ""])
+def test_a_value_that_is_no_choice_is_answered_with_the_choices(value):
+    with pytest.raises(rc.RampcastError, match=f"colour: expected one of 'red', 'blue', got {value!r}"):
+        chosen(Colour, value, name="colour")
+
+
+def test_a_long_value_is_not_shown_in_an_error():
+    with pytest.raises(rc.RampcastError, match=r"^site: expected a Site, got a str; load one$"):
+        expected(rc.Site, "x" * 1000, name="site", advice="load one")
+
+
+def test_a_wrong_argument_is_answered_with_a_sentence():
+    """In a process of its own: here the checker of types would be first to complain."""
+    asked = "import rampcast as rc\nfor call, *given in CALLS:\n    try:\n        getattr(rc, call)(*given)\n"
+    asked += "    except rc.RampcastError as error:\n        print(call, given, error, sep='|')"
+    answers = python("-c", asked.replace("CALLS", repr(list(WRONG)))).stdout.splitlines()
+    assert [tuple(line.split("|")[:2]) for line in answers] == [(call, repr(given)) for call, *given in WRONG]
+    missed = [line for line, told in zip(answers, WRONG.values(), strict=True) if told not in line]
+    assert missed == []
+
+
+def test_a_recording_and_a_site_are_tables_in_a_notebook(recording):
+    shown = recording._repr_html_()
+    assert "<td>simulated-1</td>" in shown
+    assert "<td>363,022</td>" in shown
+    assert "<td>gore at 118 m, ends at 230 m, into lane 6</td>" in recording.site._repr_html_()
+
+
+def test_names_from_files_stay_text_in_a_notebook(recording):
+    site = replace(TEST_SITE, name=HOSTILE, title=HOSTILE)
+    for shown in (site._repr_html_(), replace(recording, site=site, source=HOSTILE)._repr_html_()):
+        assert "<script" not in shown
+        assert "&lt;script&gt;alert(&quot;ramp&quot;)&lt;/script&gt; &amp; &#x27;co&#x27;" in shown
+
+
+def test_a_picture_shows_what_is_given(recording):
+    tracks = rc.plot(recording.site), rc.plot(recording), rc.plot(rc.clean(recording)[0], lane=[6, 7])
+    assert all(isinstance(one, Figure) for one in tracks)
+    titles = [one.axes[0].get_title(loc="left") for one in tracks]
+    name = recording.site.title
+    assert titles == [
+        name,
+        f"{name}: 150 of 500 vehicles, simulated, coloured by lane",
+        f"{name}, simulated-1, lane 6, 7",
+    ]
