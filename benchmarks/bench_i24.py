@@ -49,10 +49,10 @@ def main() -> None:
 
 def convert(path: Path) -> None:
     """Prints rows, seconds, peak memory and size of the recordings as json; imports are not counted in the time."""
-    from rampcast.formats.readers.i24.v1 import convert_i24
+    from rampcast.formats import convert_all
 
     start, start_cpu = time.perf_counter(), time.process_time()
-    written, report = convert_i24([path], path.with_name("i24.parquet"))
+    written, report = convert_all(path, path.with_name("i24.parquet"), format="i24")
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - start_cpu
     found = {
         "rows": report.rows,

@@ -91,11 +91,11 @@ def read_portal(folder: Path) -> None:
 
 def convert(paths: list[Path], folder: Path) -> None:
     """Reads NGSIM files of I-80 and writes a recording."""
-    from rampcast.formats import read_ngsim
+    from rampcast.formats import read_any
     from rampcast.recording import write_recording
     from rampcast.sites import load_site
 
-    recording, _ = read_ngsim(paths, site=load_site("i80"))
+    recording, _ = read_any(paths, site=load_site("i80"), format="ngsim")
     write_recording(recording, folder / "recording.parquet")
 
 

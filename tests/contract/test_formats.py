@@ -44,7 +44,7 @@ def test_every_format_has_a_writer():
 
 def test_the_format_is_told_by_content_and_by_no_other_reader(written):
     name, _, _, paths = written
-    claimed = [entry.name for entry in FORMATS.values() if entry.misses(look(paths[0])) is None]
+    claimed = [entry.name for entry in FORMATS.values() if entry.needs.misses(look(paths[0])) is None]
     assert claimed == [name]
 
 

@@ -1,19 +1,38 @@
 """What must hold of whatever a reader makes of a file, good or bad: for the fuzz tests and the fuzzers beside them."""
 
 import faulthandler
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
 from rampcast.errors import RampcastError
-from rampcast.formats import FORMATS, BadRows, read_all
+from rampcast.formats import FORMATS, BadRows, convert_all, read_all, read_any
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import ReadReport
+from rampcast.sites import Site
 from tests.formats.damage import damaged
 from tests.formats.samples import Sample
 
 HANG = 60  # [s] after which a reader is taken to hang: where it is, is printed, and the process ends
 LONGEST = 5_000  # letters of a message
+
+
+def reads(format: str) -> Callable[..., tuple[tuple[Recording, ...], ReadReport]]:
+    """Returns a function that reads files of a format, whatever they hold."""
+    return lambda paths, site=None, bad_rows=BadRows.RAISE: read_all(paths, site=site, format=format, bad_rows=bad_rows)
+
+
+def converts(format: str) -> Callable[..., tuple[list[Path], ReadReport]]:
+    """Returns a function that converts files of a format, whatever they hold."""
+    return lambda paths, out, site=None, bad_rows=BadRows.RAISE: convert_all(
+        paths, out, site=site, format=format, bad_rows=bad_rows
+    )
+
+
+def read_ngsim(paths: list[Path], *, site: Site, bad_rows: BadRows = BadRows.RAISE) -> tuple[Recording, ReadReport]:
+    """Returns the recording in files of NGSIM's, whatever they hold."""
+    return read_any(paths, site=site, format="ngsim", bad_rows=bad_rows)
 
 
 def read_or_refuse(sample: Sample, folder: Path, changed: dict[str, bytes], random: Random) -> bool:

@@ -89,10 +89,10 @@ def convert(
 @app.command(epilog="Example:\n\nrampcast formats --json")
 def formats(json: Annotated[bool, typer.Option("--json", help="Print json instead of a table.")] = False) -> None:
     """Lists the formats that rampcast reads."""
-    from rampcast.formats import FORMATS
+    from rampcast.formats import all_formats
 
     if json:
-        entries = FORMATS.values()
+        entries = all_formats()
         known = [{"name": one.name, "title": one.title, "reads": one.reads, "page": one.page} for one in entries]
         terminal.print_json({"formats": known})
     else:

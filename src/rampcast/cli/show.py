@@ -116,11 +116,11 @@ def print_reading(report: "ReadReport") -> None:
 
 def print_formats() -> None:
     """Prints the formats that rampcast reads."""
-    from rampcast.formats import FORMATS
+    from rampcast.formats import all_formats
 
     table = Table("format", "what it is", "files")
     table.add_column("described in", no_wrap=True)
-    for one in FORMATS.values():
+    for one in all_formats():
         table.add_row(*map(escape, (one.name, one.title, one.reads, one.page)))
     output.print(table)
 

@@ -207,7 +207,7 @@ class Portal:
         if number and header != plan.header:
             raise self._changed(f"the header of page {number + 1} is {header!r}, that of page 1 was {plan.header!r}")
         reader = FORMATS.get(self.source.format)
-        reason = reader.misses(look(path)) if reader else None
+        reason = reader.needs.misses(look(path)) if reader else None
         if reason:
             raise TransferError(f"{self.url}: rampcast's reader of {self.source.format} cannot read it: {reason}")
 

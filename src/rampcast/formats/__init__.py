@@ -1,7 +1,8 @@
 """Formats: files of others to `Recording`. Units, axes and reference points are converted here and nowhere else."""
 
-from rampcast.formats.readers.ngsim.ngsim import read_ngsim
-from rampcast.formats.registry import FORMATS, Format, convert_all, read_all, read_any, why_not
+from rampcast.formats.format import Format, Needs, table_of
+from rampcast.formats.reading import convert_all, read_all, read_any, why_not
+from rampcast.formats.registry import FORMATS, all_formats
 from rampcast.recording.reading import BadRow, BadRows, ReadReport
 
 __all__ = [
@@ -9,10 +10,12 @@ __all__ = [
     "BadRow",
     "BadRows",
     "Format",
+    "Needs",
     "ReadReport",
+    "all_formats",
     "convert_all",
     "read_all",
     "read_any",
-    "read_ngsim",
+    "table_of",
     "why_not",
 ]

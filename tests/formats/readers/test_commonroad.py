@@ -10,7 +10,6 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import BadRows, read_any
-from rampcast.formats.readers.commonroad.commonroad import read_commonroad
 from rampcast.formats.steps.lanelets import Lanelet, lanelet_at
 from rampcast.recording import columns as c
 from rampcast.sites import Lane, Site
@@ -27,6 +26,9 @@ from tests.formats.readers.commonroad_faults import (
     rectangle,
     state,
 )
+from tests.formats.reading import reads
+
+read_commonroad = reads("commonroad")
 
 # The road of the example: its left edge is y = 4 in the plane.
 SITE = Site(

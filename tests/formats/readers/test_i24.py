@@ -10,13 +10,15 @@ import polars as pl
 import pytest
 
 from rampcast.errors import FormatError
-from rampcast.formats import FORMATS, BadRows, convert_all, read_all
+from rampcast.formats import BadRows, convert_all, read_all
 from rampcast.formats.readers.i24 import stream as i24_stream
 from rampcast.formats.readers.i24.carriageways import i24_sites
-from rampcast.formats.readers.i24.v1 import convert_i24, read_i24
 from rampcast.recording import columns as c
 from rampcast.recording import read_recording
 from rampcast.sites import Lane, Site
+from tests.formats.reading import converts, reads
+
+read_i24, convert_i24 = reads("i24"), converts("i24")
 
 DAY = 1_669_075_200.0  # [s since 1970] 2022-11-22, 00:00 UTC
 MOMENT = DAY + 50_000.0  # 13:53:20 UTC; at 25 Hz that is frame 1,250,000
@@ -241,7 +243,6 @@ def test_the_roads_of_the_interstate_are_valid_sites_with_sources():
     for site in i24_sites().values():
         assert [lane.number for lane in site.lanes] == [1, 2, 3, 4, 5]
         assert all(note.source for note in site.notes)
-    assert FORMATS["i24"].convert is convert_i24
 
 
 def without(key: str) -> dict[str, Any]:

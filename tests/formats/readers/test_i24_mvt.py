@@ -9,10 +9,12 @@ import polars as pl
 import pytest
 
 from rampcast.errors import FormatError
-from rampcast.formats import FORMATS, BadRows, read_all
-from rampcast.formats.readers.i24.mvt import convert_i24_mvt, read_i24_mvt
+from rampcast.formats import BadRows, read_all
 from rampcast.recording import columns as c
 from rampcast.recording import read_recording
+from tests.formats.reading import converts, reads
+
+read_i24_mvt, convert_i24_mvt = reads("i24_mvt"), converts("i24_mvt")
 
 MOMENT = 1_669_075_200.0 + 50_000.0  # [s since 1970] 2022-11-22, 13:53:20 UTC; at 25 Hz frame 1,250,000
 
@@ -148,7 +150,6 @@ def test_converting_gives_what_reading_gives(form, tmp_path):
     (written,), same = convert_i24_mvt([path], tmp_path / "out.parquet")
     assert read_recording(written).tracks.equals(west.tracks)
     assert same == report
-    assert FORMATS["i24_mvt"].convert is convert_i24_mvt
 
 
 def test_json_and_tables_are_not_mixed(tmp_path):

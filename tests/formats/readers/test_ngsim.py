@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.errors import FormatError, RampcastError, RecordingError
-from rampcast.formats import FORMATS, BadRows, read_any, read_ngsim
+from rampcast.formats import FORMATS, BadRows, read_any
 from rampcast.formats.files.head import look
 from rampcast.formats.readers.ngsim import ngsim as reader
 from rampcast.recording import columns as c
 from rampcast.recording import write_recording
 from rampcast.sites import load_site
 from tests.formats.ngsim_rows import NAMES, START_16_00, START_17_00, START_17_15, START_US101, csv, portal, row, text
+from tests.formats.reading import read_ngsim
 
 I80, US101 = load_site("i80"), load_site("us101")
 ROWS = [row(vehicle, frame) for vehicle in (1, 2) for frame in (0, 1, 2)]
@@ -279,7 +280,7 @@ def test_read_any_says_what_is_wrong_with_its_arguments(tmp_path):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_refuses_an_empty_file_with_its_own_kind_of_error(name, tmp_path):
     path = saved(tmp_path, b"")
-    assert FORMATS[name].misses(look(path))
+    assert FORMATS[name].needs.misses(look(path))
     with pytest.raises(RampcastError, match=r"file\.txt"):
         read_any([path], format=name, site=I80)
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from rampcast.errors import FormatError
-from rampcast.formats import BadRows, read_ngsim
+from rampcast.formats import BadRows
 from rampcast.recording import columns as c
 from rampcast.sites import load_site
 from tests.formats.ngsim_rows import NAMES, START_US101, csv, portal, row, text
+from tests.formats.reading import read_ngsim
 
 I80 = load_site("i80")
 GOOD = [row(1, frame) for frame in range(6)]

@@ -7,9 +7,11 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import BadRows, read_all, read_any
-from rampcast.formats.readers.plain.plain import read_plain
 from rampcast.recording import columns as c
 from rampcast.sites import load_site
+from tests.formats.reading import reads
+
+read_plain = reads("plain")
 
 HEADER = "vehicle,time,x,y,lane,length,width,kind,speed,acceleration\n"
 ROWS = [

@@ -10,7 +10,7 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import BadRows, read_any
-from rampcast.formats.readers.sumo.fcd import ATTRIBUTES, read_sumo
+from rampcast.formats.readers.sumo.fcd import ATTRIBUTES
 from rampcast.formats.readers.sumo.xml_fast import read_fcd_xml
 from rampcast.formats.steps.clock import seconds, whole_frames
 from rampcast.formats.steps.vehicles import TYPICAL_SIZES
@@ -20,6 +20,9 @@ from rampcast.simulate.network import main_lanes, write_network
 from rampcast.simulate.programs import program, run_quietly
 from rampcast.sites import Lane, Site, load_site
 from tests.formats.readers.sumo_faults import BAD_ROWS, CSV, CSV_HEAD, FAULTS, FIRST_STEP, HEAD, STEPS, XML
+from tests.formats.reading import reads
+
+read_sumo = reads("sumo")
 
 # A road to the east whose left edge is at y = 24.8: x counts from 10 m, lane 1 is e_1 (left), lane 2 is e_0.
 SITE = Site(

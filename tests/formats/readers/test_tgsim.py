@@ -11,12 +11,14 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import BadRows, read_all, read_any
-from rampcast.formats.readers.tgsim import read_tgsim
 from rampcast.recording import columns as c
 from rampcast.simulate import shipped_sample
 from rampcast.sites import Lane, Site
+from tests.formats.reading import reads
 from tests.formats.writers.common import lanes_by_number, with_speeds
 from tests.formats.writers.tgsim import write_tgsim
+
+read_tgsim = reads("tgsim")
 
 HEADER = (
     "ID,time,xloc-kf,yloc-kf,lane-kf,speed-kf,acceleration-kf,length-smoothed,width-smoothed,type-most-common,"

@@ -15,8 +15,7 @@ from rampcast.errors import FormatError
 from rampcast.formats.files import sources
 from rampcast.formats.files.head import look
 from rampcast.formats.tables import rows as rows_module
-from rampcast.formats.tables.columns import read_cell
-from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.formats.tables.columns import Column, Rows, missing_column, read_cell
 from rampcast.formats.tables.rows_careful import parse_carefully
 from rampcast.recording.reading import BadRows
 
@@ -34,6 +33,10 @@ def write(folder: Path, content: str | bytes, name: str = "table.csv") -> Path:
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def rows_of(path: Path, columns, bad_rows: BadRows = BadRows.RAISE) -> Rows:
+    return rows_module.read_rows(look(path), columns, bad_rows=bad_rows)
 
 
 def small_chunks(monkeypatch: pytest.MonkeyPatch, size: int = 60) -> None:
@@ -88,7 +91,7 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch, size: int = 60) -> None:
     ],
 )
 def test_a_table_is_read_however_it_is_written(tmp_path, content):
-    rows = read_rows(write(tmp_path, content), COLUMNS)
+    rows = rows_of(write(tmp_path, content), COLUMNS)
     assert rows.table["id"].to_list() == [1, 2]
     assert rows.table["x"].to_list() == [2.5, -3.5]
     assert rows.table["kind"].to_list() == ["car", "truck"]
@@ -110,21 +113,21 @@ def pack_zip(path: Path, content: bytes) -> None:
 def test_archives_are_read_and_their_bad_rows_named(tmp_path, pack: Callable[[Path, bytes], None]):
     path = tmp_path / "table.packed"
     pack(path, (HEADER + GOOD).encode())
-    assert read_rows(path, COLUMNS).table["id"].to_list() == [1, 2]
+    assert rows_of(path, COLUMNS).table["id"].to_list() == [1, 2]
     pack(path, (HEADER + GOOD.replace("2.5", "2..5")).encode())
     with pytest.raises(
         FormatError, match=r"table\.packed.*, line 2, column 3: pos-x: expected a number, found '2\.\.5'"
     ):
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
 
 
 def test_a_blank_cell_is_null_where_it_may_be(tmp_path):
     text = HEADER + "1,?,2.5,car,\n2,?,2.5,car,NaN\n3,?,2.5,car,nan\n4,?,2.5,car,7\n"
-    assert read_rows(write(tmp_path, text), COLUMNS).table["speed"].to_list() == [None, None, None, 7.0]
+    assert rows_of(write(tmp_path, text), COLUMNS).table["speed"].to_list() == [None, None, None, 7.0]
 
 
 def test_an_optional_column_may_be_absent_and_a_column_that_is_not_wanted_may_hold_anything(tmp_path):
-    rows = read_rows(write(tmp_path, "id,x,kind,rest\n1,2.5,car,\n2,2.5,car,\0\n"), COLUMNS)
+    rows = rows_of(write(tmp_path, "id,x,kind,rest\n1,2.5,car,\n2,2.5,car,\0\n"), COLUMNS)
     assert rows.table.columns == ["id", "x", "kind"]
     assert rows.table.height == 2
 
@@ -158,7 +161,7 @@ def test_a_bad_row_is_an_error_with_line_and_column(tmp_path, what):
     row, message = BAD_ROWS[what]
     path = write(tmp_path, HEADER + GOOD + row + "\n" + GOOD)
     with pytest.raises(FormatError) as caught:
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
     place = f"{path}, line 4, " if message.startswith("column") else f"{path}, line 4: "
     assert place + message in str(caught.value)
     assert "--skip-bad-rows" in str(caught.value)
@@ -167,7 +170,7 @@ def test_a_bad_row_is_an_error_with_line_and_column(tmp_path, what):
 @pytest.mark.parametrize("what", BAD_ROWS)
 def test_a_bad_row_is_skipped_counted_and_listed_when_asked_for(tmp_path, what):
     path = write(tmp_path, HEADER + GOOD + BAD_ROWS[what][0] + "\n" + GOOD)
-    rows = read_rows(path, COLUMNS, bad_rows=BadRows.SKIP)
+    rows = rows_of(path, COLUMNS, bad_rows=BadRows.SKIP)
     assert rows.table["id"].to_list() == [1, 2, 1, 2]
     assert rows.faults_counted == 1
     assert rows.faults[0].line == 4
@@ -178,7 +181,7 @@ def test_line_numbers_are_exact_in_later_chunks(tmp_path, monkeypatch):
     lines = [f"{number},?,1.5,car,1" for number in range(2, 41)]
     lines[20] = "22,?,bad,car,1"  # the header is line 1, so that the k-th of these is line k + 2
     lines[35] = "37,?,1.5"
-    rows = read_rows(write(tmp_path, HEADER + "\n".join(lines)), COLUMNS, bad_rows=BadRows.SKIP)
+    rows = rows_of(write(tmp_path, HEADER + "\n".join(lines)), COLUMNS, bad_rows=BadRows.SKIP)
     assert [(fault.line, fault.column) for fault in rows.faults] == [(22, 3), (37, 0)]
     assert rows.table["id"].to_list() == [number for number in range(2, 41) if number not in (22, 37)]
 
@@ -186,12 +189,12 @@ def test_line_numbers_are_exact_in_later_chunks(tmp_path, monkeypatch):
 def test_the_first_bad_row_is_the_one_that_is_named(tmp_path):
     path = write(tmp_path, HEADER + GOOD + "9,?,b,car,1\n" + GOOD + "9,?\n")
     with pytest.raises(FormatError, match="line 4"):
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
 
 
 def test_good_rows_keep_their_order_among_bad_and_odd_ones(tmp_path):
     text = HEADER + '1,?,1,car,1\n"2",",",1,car,1\n3,?,b,car,1\n4,?,1,car,1\n5,",",1,car,1\n'
-    rows = read_rows(write(tmp_path, text), COLUMNS, bad_rows=BadRows.SKIP)
+    rows = rows_of(write(tmp_path, text), COLUMNS, bad_rows=BadRows.SKIP)
     assert rows.table["id"].to_list() == [1, 2, 4, 5]
 
 
@@ -223,7 +226,7 @@ def test_rows_are_as_one_line_at_a_time_gives_them_wherever_chunks_end(tmp_path_
             expected.append(tuple(value for value, _ in read))
     with pytest.MonkeyPatch.context() as patch:
         small_chunks(patch, size)
-        rows = read_rows(write(folder, HEADER + "\n".join(lines)), COLUMNS, bad_rows=BadRows.SKIP)
+        rows = rows_of(write(folder, HEADER + "\n".join(lines)), COLUMNS, bad_rows=BadRows.SKIP)
     assert [tuple(str(v).replace("\0", "\ufffd") for v in row) for row in rows.table.rows()] == [
         tuple(str(v) for v in row) for row in expected
     ]
@@ -234,7 +237,7 @@ def test_many_bad_rows_are_skipped_quickly_and_the_first_hundred_listed(tmp_path
     good, bad = "1,some text,2.5,car,10\n" * 19, "1,some text,bad,car,10\n"
     path = write(tmp_path, HEADER + (good + bad) * 5_000)
     start = time.process_time()
-    rows = read_rows(path, COLUMNS, bad_rows=BadRows.SKIP)
+    rows = rows_of(path, COLUMNS, bad_rows=BadRows.SKIP)
     assert time.process_time() - start < 4.0  # the good rows one by one, too, would take 10 s
     assert (rows.table.height, rows.faults_counted, len(rows.faults)) == (95_000, 5_000, 100)
     assert [fault.line for fault in rows.faults[:2]] == [21, 41]
@@ -260,7 +263,7 @@ def test_a_bad_file_is_an_error_that_names_it(tmp_path, what, bad_rows):
     content, message = BAD_FILES[what]
     path = write(tmp_path, content)
     with pytest.raises(FormatError) as caught:
-        read_rows(path, COLUMNS, bad_rows=bad_rows)
+        rows_of(path, COLUMNS, bad_rows=bad_rows)
     assert str(caught.value).startswith(str(path))
     assert message in str(caught.value)
 
@@ -269,7 +272,7 @@ def test_a_bad_file_is_an_error_that_names_it(tmp_path, what, bad_rows):
 def test_a_cut_off_archive_is_an_error(tmp_path, cut):
     content = gzip.compress((HEADER + GOOD * 100).encode())
     with pytest.raises(FormatError, match=r"table\.csv\.gz: the archive is damaged or cut off"):
-        read_rows(write(tmp_path, content[:cut], "table.csv.gz"), COLUMNS)
+        rows_of(write(tmp_path, content[:cut], "table.csv.gz"), COLUMNS)
 
 
 def parquet(folder: Path, **changes: pl.Series) -> Path:
@@ -294,7 +297,7 @@ def parquet(folder: Path, **changes: pl.Series) -> Path:
     ],
 )
 def test_a_parquet_file_is_read_whatever_the_types_of_its_columns(tmp_path, changes):
-    table = read_rows(parquet(tmp_path, **changes), COLUMNS).table
+    table = rows_of(parquet(tmp_path, **changes), COLUMNS).table
     assert table["id"].to_list() == [1, 2]
     assert table["x"].to_list() == [2.5, -3.5]
     assert table["kind"].to_list() == ["car", "truck"]
@@ -336,9 +339,9 @@ def test_a_bad_row_of_a_parquet_file_is_an_error_or_skipped(tmp_path, what):
     changes, message = BAD_CELLS[what]
     path = parquet(tmp_path, **changes)
     with pytest.raises(FormatError) as caught:
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
     assert f"{path}, {message}" in str(caught.value)
-    rows = read_rows(path, COLUMNS, bad_rows=BadRows.SKIP)
+    rows = rows_of(path, COLUMNS, bad_rows=BadRows.SKIP)
     assert rows.table["id"].to_list() == [1]
     assert rows.faults_counted == 1
 
@@ -355,14 +358,14 @@ def test_a_bad_row_of_a_parquet_file_is_an_error_or_skipped(tmp_path, what):
 @pytest.mark.parametrize("bad_rows", BadRows)
 def test_a_parquet_column_of_a_wrong_kind_is_an_error(tmp_path, changes, message, bad_rows):
     with pytest.raises(FormatError, match=message):
-        read_rows(parquet(tmp_path, **changes), COLUMNS, bad_rows=bad_rows)
+        rows_of(parquet(tmp_path, **changes), COLUMNS, bad_rows=bad_rows)
 
 
 def test_a_damaged_parquet_file_is_an_error(tmp_path):
     path = parquet(tmp_path)
     path.write_bytes(path.read_bytes()[:-30])
     with pytest.raises(FormatError, match="a damaged parquet file"):
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
 
 
 def test_a_file_misses_the_first_column_it_lacks(tmp_path):
@@ -375,18 +378,18 @@ def test_a_file_misses_the_first_column_it_lacks(tmp_path):
 def test_a_wanted_column_that_is_there_twice_is_refused(tmp_path, other, message):
     path = write(tmp_path, HEADER.replace("other", other).replace("pos-x", "Pos-X") + GOOD)
     with pytest.raises(FormatError, match=rf"table\.csv, line 1: the {message} are both called .*[Rr]emove or rename"):
-        read_rows(path, COLUMNS)
+        rows_of(path, COLUMNS)
 
 
 def test_of_columns_that_differ_in_case_the_one_spelled_as_wanted_counts(tmp_path):
     path = write(tmp_path, "id,X,x,kind\n1,9.0,2.5,car\n")
-    assert read_rows(path, COLUMNS).table["x"].to_list() == [2.5]
+    assert rows_of(path, COLUMNS).table["x"].to_list() == [2.5]
     table = pl.DataFrame({"id": [1], "X": [9.0], "x": [2.5], "kind": ["car"]})
     table.write_parquet(tmp_path / "t.parquet")
-    assert read_rows(tmp_path / "t.parquet", COLUMNS).table["x"].to_list() == [2.5]
+    assert rows_of(tmp_path / "t.parquet", COLUMNS).table["x"].to_list() == [2.5]
     table.rename({"X": "POS-X", "x": "Pos_X"}).write_parquet(tmp_path / "t.parquet")
     with pytest.raises(FormatError, match=r"t\.parquet: the columns 2 and 3 are both called 'POS-X'"):
-        read_rows(tmp_path / "t.parquet", COLUMNS)
+        rows_of(tmp_path / "t.parquet", COLUMNS)
 
 
 def test_a_chunk_with_a_fault_is_read_again_in_pieces_that_bound_memory(tmp_path, monkeypatch):
@@ -402,7 +405,7 @@ def test_a_chunk_with_a_fault_is_read_again_in_pieces_that_bound_memory(tmp_path
     path = tmp_path / "late.csv"
     path.write_bytes(b"a,b\n" + good + b"2,wrong\n" + good[:20])
     columns = (Column("a", ("a",), pl.Int32()), Column("b", ("b",)))
-    rows = read_rows(path, columns, bad_rows=BadRows.SKIP)
+    rows = rows_of(path, columns, bad_rows=BadRows.SKIP)
     assert (rows.table.height, rows.faults_counted, rows.faults[0].line) == (150_001, 1, 150_002)
     assert len(sizes) > 2
     assert max(sizes) <= rows_module.PIECE + 20

@@ -1,9 +1,15 @@
-"""The beginning of a file: enough to tell its format without reading it."""
+"""What is given to read: the beginnings of files, enough to tell their format without reading them, and tables."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
+import polars as pl
+
+from rampcast.errors import FormatError
 from rampcast.formats.files.sources import open_source, read_start
 from rampcast.recording.parquet import read_head
 
@@ -12,6 +18,20 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # some programs write it before the first let
 PARQUET_MAGIC = b"PAR1"
 NO_TABLES = ("<", "{", "[")  # with which xml and json begin
 SEPARATORS = (",", ";", "\t")
+EXPECTED = "expected the path of a file, a polars or pandas frame, or a list of them"
+
+
+class ArrowTable(Protocol):
+    """A table with Arrow's interface, such as a pandas frame."""
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+
+if TYPE_CHECKING:
+    One = str | os.PathLike[str] | pl.DataFrame | ArrowTable
+    Source = One | Sequence[One]
+else:
+    Source = object  # at run time what is none of these gets a sentence, not a checker's error
 
 
 @dataclass(frozen=True)
@@ -31,23 +51,67 @@ class Header:
 
 @dataclass(frozen=True)
 class Head:
-    """The beginning of a file.
+    """The beginning of a file, or a whole table that is in memory.
 
     Attributes:
-        path: of the file.
+        path: of the file; of a table in memory its name alone.
         name: for messages; with the member's name where the file is an archive.
         text: its first 64 KB, uncompressed; nothing of a parquet file.
-        names: of the columns of a parquet file or a csv with a header, as the file spells them; () of any other.
+        header: of a csv with one.
+        types: of the columns of a parquet file or a table in memory, by their names.
         metadata: of a parquet file.
-        is_parquet: whether it is one.
+        table: the table in memory; None of a file.
     """
 
     path: Path
     name: str
     text: bytes = b""
-    names: tuple[str, ...] = ()
+    header: Header | None = None
+    types: Mapping[str, Any] | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
-    is_parquet: bool = False
+    table: pl.DataFrame | None = field(default=None, repr=False)
+
+    @property
+    def is_text(self) -> bool:
+        """Returns whether it is a file of text: no parquet file, and no table in memory."""
+        return self.types is None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Returns the names of the columns as the file spells them; () of what is no table."""
+        return (self.header.names if self.header else ()) if self.types is None else tuple(self.types)
+
+
+def heads_of(source: Source) -> list[Head]:
+    """Returns the beginnings of the files, or the tables in memory, that are to be read.
+
+    Raises:
+        FormatError: a file is not there or damaged, there is none, or something is neither a path nor a table.
+    """
+    many = [source] if isinstance(source, str | os.PathLike | pl.DataFrame) else source
+    many = [many] if hasattr(many, "__arrow_c_stream__") else many
+    if isinstance(source, bytes) or not isinstance(many, Sequence):
+        raise FormatError(f"{EXPECTED}, got {_shown(many)}")
+    if not many:
+        raise FormatError("expected at least one file to read, got none")
+    names = ["table"] if len(many) == 1 else [f"table-{number}" for number in range(1, len(many) + 1)]
+    return [_head(one, name) for one, name in zip(many, names, strict=True)]
+
+
+def _head(one: object, name: str) -> Head:
+    if isinstance(one, str | os.PathLike):
+        return look(Path(one))
+    if not hasattr(one, "__arrow_c_stream__"):
+        raise FormatError(f"{EXPECTED}, got {_shown(one)}")
+    try:
+        table = one if isinstance(one, pl.DataFrame) else pl.DataFrame(one)
+    except Exception as error:  # whatever other libraries raise, also where pandas has no pyarrow
+        raise FormatError(f"the frame {name} cannot be taken over: {error}. Give it as a polars frame") from error
+    return Head(Path(name), name, types=dict(table.schema), table=table)
+
+
+def _shown(found: object) -> str:
+    return f"{found!r:.100} ({type(found).__name__})"
 
 
 def look(path: Path) -> Head:
@@ -60,8 +124,7 @@ def look(path: Path) -> Head:
         text = read_start(name, stream, size=SIZE)
     if text.startswith(PARQUET_MAGIC):
         return _look_at_parquet(path)
-    header = find_header(text)
-    return Head(path, name, text, header.names if header else ())
+    return Head(path, name, text, find_header(text))
 
 
 def plain(name: str) -> str:
@@ -93,4 +156,4 @@ def _is_number(text: str) -> bool:
 
 def _look_at_parquet(path: Path) -> Head:
     types, metadata = read_head(path)
-    return Head(path, str(path), names=tuple(types), metadata=metadata, is_parquet=True)
+    return Head(path, str(path), types=types, metadata=metadata)

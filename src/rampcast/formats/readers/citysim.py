@@ -12,9 +12,11 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format, table_of
 from rampcast.formats.steps.places import one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
-from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.formats.tables.columns import Column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -43,29 +45,24 @@ COLUMNS = (
 )
 
 
-def misses_citysim(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be CitySim's trajectories; None if nothing."""
-    return missing_column(head, COLUMNS)
-
-
 def read_citysim(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the roads of a place of CitySim, each a recording of its own, and what reading found.
 
     Args:
-        paths: files PLACE-NN.csv of one place; each is a part of the recording.
+        heads: of files PLACE-NN.csv of one place; each is a part of the recording.
         site: one road; None drafts every road from the tracks.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as CitySim's are, or the files are of several places.
     """
-    place = _place(paths)
+    place = _place([head.path for head in heads])
     parts, reports = [], []
-    for path in paths:
-        rows = read_rows(path, COLUMNS, bad_rows=bad_rows)
-        parts.append(_in_plane(rows.table, _video(path)[1]))
+    for head in heads:
+        rows = read_rows(head, COLUMNS, bad_rows=bad_rows)
+        parts.append(_in_plane(rows.table, _video(head.path)[1]))
         reports.append(rows.report("CitySim trajectories"))
     plane = Plane(
         name="-".join(filter(None, ("citysim", place.lower().replace(" ", "")))),
@@ -121,3 +118,6 @@ def _in_plane(table: pl.DataFrame, part: str) -> pl.DataFrame:
         (pl.col("speed") * MILE_PER_HOUR).alias(c.RECORDED_V),
         pl.lit(None, pl.Float32()).alias(c.RECORDED_A),
     )
+
+
+CITYSIM = Format("citysim", "CitySim, American and Asian roads", "PLACE-NN.csv", read_citysim, table_of(COLUMNS))

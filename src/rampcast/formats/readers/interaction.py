@@ -14,10 +14,12 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format, table_of
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.places import one_place
 from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
-from rampcast.formats.tables.rows import SHOWN, Column, Rows, missing_column, read_rows
+from rampcast.formats.tables.columns import SHOWN, Column, Rows
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -53,28 +55,24 @@ class _Part(NamedTuple):
     report: ReadReport
 
 
-def misses_interaction(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be INTERACTION's tracks of vehicles; None if nothing."""
-    return missing_column(head, COLUMNS)
-
-
 def read_interaction(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the roads of a place of INTERACTION, each a recording of its own, and what reading found.
 
     Each file is a part of a recording; where a file has cases, each is a part, since ids repeat across cases.
 
     Args:
-        paths: files vehicle_tracks_NNN.csv, or those of the prediction challenge with a column case_id, of one place.
+        heads: of files vehicle_tracks_NNN.csv, or the challenge's with a column case_id, of one place.
         site: one road; None drafts every road from the tracks.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as INTERACTION's are, or the files are of several places.
     """
+    paths = [head.path for head in heads]
     place = _place(paths)
-    parts = [_read_part(path, bad_rows) for path in paths]
+    parts = [_read_part(head, bad_rows) for head in heads]
     check_one_step(paths, [part.time_step for part in parts])
     plane = Plane(
         name="-".join(["interaction", *place.lower().split("_")]) if place else "interaction",
@@ -97,16 +95,16 @@ def _place(paths: Sequence[Path]) -> str:
     return one_place(paths, places)
 
 
-def _read_part(path: Path, bad_rows: BadRows) -> _Part:
-    rows, others = _vehicles(read_rows(path, COLUMNS, bad_rows=bad_rows))
+def _read_part(head: Head, bad_rows: BadRows) -> _Part:
+    rows, others = _vehicles(read_rows(head, COLUMNS, bad_rows=bad_rows))
     reason = "its heading psi_rad is missing. Mend the file"
     rows = without_vehicles(rows, rows.table["psi"].is_null(), reason, bad_rows)
     frames, time_step, slips = _frames(rows)
     table, filled = with_sizes(rows.table.with_columns(frames.alias(c.FRAME)))
     report = rows.report("INTERACTION tracks" + (" with cases" if "case" in table.columns else ""))
-    found = NUMBER.search(path.stem)
+    found = NUMBER.search(head.path.stem)
     return _Part(
-        _in_plane(table, found.group() if found else path.stem),
+        _in_plane(table, found.group() if found else head.path.stem),
         time_step,
         replace(
             report,
@@ -163,3 +161,6 @@ def _in_plane(table: pl.DataFrame, name: str) -> pl.DataFrame:
         (pl.col("vx") * pl.col("psi").cos() + pl.col("vy") * pl.col("psi").sin()).alias(c.RECORDED_V),
         pl.lit(None, dtype=pl.Float32()).alias(c.RECORDED_A),
     )
+
+
+INTERACTION = Format("interaction", "INTERACTION", "vehicle_tracks_NNN.csv", read_interaction, table_of(COLUMNS))

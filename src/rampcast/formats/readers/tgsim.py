@@ -5,17 +5,18 @@ Source of columns and codes: the data sets' pages on data.transportation.gov; se
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool
 
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format, table_of
 from rampcast.formats.steps.clock import numbered
 from rampcast.formats.steps.motion import directions
 from rampcast.formats.steps.vehicles import with_sizes
-from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.formats.tables.columns import Column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.order import is_sorted
@@ -51,18 +52,13 @@ COLUMNS = (
 )
 
 
-def misses_tgsim(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be TGSIM's; None if nothing."""
-    return missing_column(head, COLUMNS)
-
-
 def read_tgsim(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the recordings in TGSIM files of one place, one a road, each run a part; and what reading found.
 
     Args:
-        paths: csv or parquet files, with hyphens or underscores in the names of columns.
+        heads: of csv or parquet files, with hyphens or underscores in the names of columns.
         site: one road; None drafts every road from the tracks.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
@@ -70,14 +66,14 @@ def read_tgsim(
         FormatError: a file is missing or not as TGSIM's are.
     """
     parts, reports = [], []
-    for number, path in enumerate(paths, start=1):
-        found = read_rows(path, COLUMNS, bad_rows=bad_rows)
+    for number, head in enumerate(heads, start=1):
+        found = read_rows(head, COLUMNS, bad_rows=bad_rows)
         rows, filled = with_sizes(_completed(found.table, run=str(number)))
         parts.append(rows)
         reports.append(found.report("TGSIM trajectories"))
         reports[-1] = join_reports([reports[-1], ReadReport((), (), 0, sizes_filled=filled)])
     rows = pl.concat(parts)
-    frames, slips = numbered(", ".join(map(str, paths)), rows["time"], TIME_STEP)
+    frames, slips = numbered(", ".join(head.name for head in heads), rows["time"], TIME_STEP)
     rows = rows.with_columns(pl.Series(c.FRAME, frames))
     plane = Plane("tgsim", "TGSIM", "tgsim", _in_plane(rows), TIME_STEP)
     return on_roads(plane, site, join_reports([*reports, ReadReport((), (), 0, clock_slips=slips)]))
@@ -140,3 +136,8 @@ def _starts(rows: pl.DataFrame) -> Bool[np.ndarray, "row"]:
     """Returns whether each row is of another run or vehicle than the one before."""
     run, vehicle = rows["run"].to_physical().to_numpy(), rows["id"].to_numpy()
     return np.r_[True, (run[1:] != run[:-1]) | (vehicle[1:] != vehicle[:-1])]
+
+
+TGSIM = Format(
+    "tgsim", "TGSIM, American freeways", ".csv of the portal or its API, .parquet", read_tgsim, table_of(COLUMNS)
+)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.tables.rows import Rows
+from rampcast.formats.tables.columns import Rows
 from rampcast.recording import columns as c
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 from rampcast.recording.translation import translated

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Header, plain
+from rampcast.formats.files.head import Head, Header, plain
 from rampcast.recording.reading import BadRow, ReadReport
 
 SHOWN = 40  # letters of a bad cell that a message shows
@@ -132,6 +132,17 @@ def place_of(column: Column, names: Sequence[str], where: str) -> int | None:
             )
         if same:
             return exact[0] if exact else same[0]
+    return None
+
+
+def missing_column(head: Head, columns: Sequence[Column]) -> str | None:
+    """Returns the first thing a file lacks to have these columns, in words; None if it has them all."""
+    if not head.names:
+        return "no header that names columns"
+    found = {plain(name) for name in head.names}
+    for column in columns:
+        if not column.optional and not found.intersection(map(plain, column.spellings)):
+            return f"no column '{column.spellings[0]}'"
     return None
 
 

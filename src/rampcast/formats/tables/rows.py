@@ -7,46 +7,31 @@ in memory; a chunk in which anything is not as expected is read again with care.
 import io
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import BYTE_ORDER_MARK, SIZE, Head, Header, find_header, look, plain
+from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
-from rampcast.formats.tables.columns import SHOWN, Column, Layout, Rows, advice, missing, place_of, read_cell
+from rampcast.formats.tables.columns import Column, Layout, Rows, advice, missing, place_of
 from rampcast.formats.tables.rows_careful import parse_carefully
-from rampcast.formats.tables.rows_parquet import read_parquet
+from rampcast.formats.tables.rows_typed import read_typed
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
 BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
 FLOATS = (pl.Float32, pl.Float64)
 PIECE = 1 << 20  # [bytes] read with care together: as Python's own objects lines take twenty times their size
 
-__all__ = ["SHOWN", "Column", "Rows", "missing_column", "read_cell", "read_rows"]
 
-
-def missing_column(head: Head, columns: Sequence[Column]) -> str | None:
-    """Returns the first thing a file lacks to have these columns, in words; None if it has them all."""
-    if not head.names:
-        return "no header that names columns"
-    found = {plain(name) for name in head.names}
-    for column in columns:
-        if not column.optional and not found.intersection(map(plain, column.spellings)):
-            return f"no column '{column.spellings[0]}'"
-    return None
-
-
-def read_rows(path: Path, columns: Sequence[Column], *, bad_rows: BadRows = BadRows.RAISE) -> Rows:
-    """Returns the rows of a csv (plain, or in a .gz or .zip) or parquet file.
+def read_rows(head: Head, columns: Sequence[Column], *, bad_rows: BadRows = BadRows.RAISE) -> Rows:
+    """Returns the rows of a csv (plain, or in a .gz or .zip), a parquet file or a table in memory.
 
     Raises:
         FormatError: the file is not there, lacks a column or any row, or has a bad row and those are not to be skipped.
     """
-    head = look(path)
-    rows = read_parquet(head, columns, bad_rows) if head.is_parquet else _read_csv(path, columns, bad_rows)
+    rows = (_read_csv if head.is_text else read_typed)(head, columns, bad_rows)
     if not rows.table.height and rows.faults:
         raise FormatError(f"{rows.file}: none of its {rows.faults_counted:,} rows can be read. {rows.faults[0]}")
     if not rows.table.height:
@@ -54,11 +39,11 @@ def read_rows(path: Path, columns: Sequence[Column], *, bad_rows: BadRows = BadR
     return rows
 
 
-def _read_csv(path: Path, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
-    with open_source(path) as (name, stream):
+def _read_csv(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
+    layout = _layout(head, columns)
+    with open_source(head.path) as (name, stream):
         chunks = read_chunks(name, stream)
         first = next(chunks, b"")
-        layout = _layout(name, find_header(first[:SIZE]), columns)
         body = _skip(first, layout)
         parts: list[pl.DataFrame] = []
         faults: list[BadRow] = []
@@ -91,7 +76,8 @@ def _skip(chunk: bytes, layout: Layout) -> bytes:
     return chunk[start:]
 
 
-def _layout(name: str, header: Header | None, columns: Sequence[Column]) -> Layout:
+def _layout(head: Head, columns: Sequence[Column]) -> Layout:
+    name, header = head.name, head.header
     if header is None:
         names = ", ".join(column.spellings[0] for column in columns if not column.optional)
         raise FormatError(f"{name}: expected a csv whose first line names its columns, among them {names}")

@@ -6,7 +6,6 @@ Source: the documentation of CommonRoad's xml; see docs/formats/commonroad.md.
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -14,6 +13,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.files.xml_text import find_root
+from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
 from rampcast.formats.steps.clock import check_one_step
 from rampcast.formats.steps.lanelets import lanelet_at
@@ -37,22 +37,22 @@ def misses_commonroad(head: Head) -> str | None:
 
 
 def read_commonroad(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the recordings in scenarios of one map, and what reading found.
 
     Args:
-        paths: files of one map, each a part of its own, named by its benchmarkID.
+        heads: of files of one map, each a part of its own, named by its benchmarkID.
         site: the road; None drafts every road from the tracks.
         bad_rows: whether a state that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is not as CommonRoad's are, no vehicle moves in it, or the files are of several maps.
     """
-    scenarios = [read_scenario(Path(path), bad_rows) for path in paths]
+    scenarios = [read_scenario(head.path, bad_rows) for head in heads]
     names = [
-        scenario.attributes.get("benchmarkID") or Path(path).stem
-        for scenario, path in zip(scenarios, paths, strict=True)
+        scenario.attributes.get("benchmarkID") or head.path.stem
+        for scenario, head in zip(scenarios, heads, strict=True)
     ]
     steps = [read_time_step(scenario) for scenario in scenarios]
     _check_one_map(scenarios, names, steps)
@@ -109,3 +109,8 @@ def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
         vehicles_renumbered=renumbered,
     )
     return rows.select(pl.col(column).cast(type_) for column, type_ in PLANE_SCHEMA.items()), report
+
+
+COMMONROAD = Format(
+    "commonroad", "CommonRoad scenarios", ".xml, in .gz or .zip", read_commonroad, Needs(misses_commonroad)
+)

@@ -11,14 +11,16 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head, look
+from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format, table_of
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import Batch, read_batches
 from rampcast.formats.readers.i24.table import sampled_rows
 from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LONGEST, WEST, WIDEST, Fault, Layout
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
-from rampcast.formats.tables.rows import Column, missing_column, read_rows
+from rampcast.formats.tables.columns import Column, missing_column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -62,49 +64,49 @@ def misses_i24_mvt(head: Head) -> str | None:
 
 
 def read_i24_mvt(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the carriageways in the files, each a recording, and what reading found.
 
     Args:
-        paths: json files, or csv or parquet tables; all of one kind.
+        heads: of json files, or csv or parquet tables; all of one kind.
         site: one road; None takes whole carriageways.
         bad_rows: whether a vehicle or row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as it should be, or json files and tables are mixed.
     """
-    return read_tracks(_batches(paths, bad_rows), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+    return read_tracks(_batches(heads, bad_rows), LAYOUT.source, i24_sites(origin=ORIGIN), site)
 
 
 def convert_i24_mvt(
-    paths: Sequence[Path], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24_mvt` returns as recordings' files; with little memory where the files are json.
 
     Args:
         out: the file to write; where both carriageways are in the files there are two, OUT-west and OUT-east.
     """
-    return convert_tracks(_batches(paths, bad_rows), Path(out), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+    return convert_tracks(_batches(heads, bad_rows), Path(out), LAYOUT.source, i24_sites(origin=ORIGIN), site)
 
 
 def _is_json(text: bytes) -> bool:
     return text.lstrip().startswith(b"[")
 
 
-def _batches(paths: Sequence[Path], bad_rows: BadRows) -> Iterator[Batch]:
-    are_json = [_is_json(look(path).text) for path in paths]
+def _batches(heads: Sequence[Head], bad_rows: BadRows) -> Iterator[Batch]:
+    are_json = [_is_json(head.text) for head in heads]
     if all(are_json):
-        yield from read_batches(paths, LAYOUT, bad_rows)
+        yield from read_batches([head.path for head in heads], LAYOUT, bad_rows)
     elif any(are_json):
-        raise FormatError(f"{paths[are_json.index(True)]}: a json file among tables; convert each kind by itself")
+        raise FormatError(f"{heads[are_json.index(True)].path}: a json file among tables; convert each kind by itself")
     else:
-        yield _batch(paths, bad_rows)
+        yield _batch(heads, bad_rows)
 
 
-def _batch(paths: Sequence[Path], bad_rows: BadRows) -> Batch:
+def _batch(heads: Sequence[Head], bad_rows: BadRows) -> Batch:
     """Returns all vehicles of tables."""
-    files = [read_rows(path, COLUMNS, bad_rows=bad_rows) for path in paths]
+    files = [read_rows(head, COLUMNS, bad_rows=bad_rows) for head in heads]
     report = join_reports([rows.report(LAYOUT.title) for rows in files])
     table = pl.concat([_completed(rows.table) for rows in files])
     numbers, _ = whole_ids(table["id"])
@@ -145,3 +147,13 @@ def _is_sorted(table: pl.DataFrame) -> bool:
     """Returns whether vehicles, and in them times, only grow."""
     vehicle, time = np.diff(table["number"].to_numpy()), np.diff(table["time"].to_numpy())
     return bool(((vehicle > 0) | ((vehicle == 0) & (time > 0))).all())
+
+
+I24_MVT = Format(
+    "i24_mvt",
+    "I-24 MOTION with lanes (MVT v2.1)",
+    ".json, .csv, .parquet",
+    read_i24_mvt,
+    table_of(COLUMNS, misses_i24_mvt),
+    convert_i24_mvt,
+)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import read_batches
 from rampcast.formats.readers.i24.tracks import Layout
@@ -29,27 +30,33 @@ def misses_i24(head: Head) -> str | None:
 
 
 def read_i24(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the two carriageways in json files of I-24 MOTION, each a recording, and what reading found.
 
     Args:
-        paths: json files, plain or in a .gz or .zip; those of one day are one part of the recordings.
+        heads: of json files, plain or in a .gz or .zip; those of one day are one part of the recordings.
         site: one road; None takes both carriageways whole.
         bad_rows: whether a vehicle that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as I-24 MOTION's are.
     """
-    return read_tracks(read_batches(paths, LAYOUT, bad_rows), LAYOUT.source, i24_sites(), site)
+    return read_tracks(read_batches([head.path for head in heads], LAYOUT, bad_rows), LAYOUT.source, i24_sites(), site)
 
 
 def convert_i24(
-    paths: Sequence[Path], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24` returns as recordings' files, with little memory; returns these and what reading found.
 
     Args:
         out: the file to write; with both carriageways there are two, OUT-west and OUT-east.
     """
-    return convert_tracks(read_batches(paths, LAYOUT, bad_rows), Path(out), LAYOUT.source, i24_sites(), site)
+    batches = read_batches([head.path for head in heads], LAYOUT, bad_rows)
+    return convert_tracks(batches, Path(out), LAYOUT.source, i24_sites(), site)
+
+
+I24 = Format(
+    "i24", "I-24 MOTION, an American freeway", ".json, in .gz or .zip", read_i24, Needs(misses_i24), convert_i24
+)

@@ -7,23 +7,23 @@ from x. Lanes are lanelets of a map that is not read. Source: the format page of
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format
 from rampcast.formats.readers.levelx.levelx import (
     Described,
-    Layout,
+    ThreeFiles,
     check_one_location,
-    misses,
+    needs_of,
     read_described,
     speed_limit,
     tracks_among,
 )
 from rampcast.formats.steps.vehicles import front_centre, with_sizes
-from rampcast.formats.tables.rows import Column
+from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -35,7 +35,7 @@ FAR = 10_000.0  # [m] no recorded section is longer
 FARTHEST_UTM = 1e7  # [m] from the equator to a pole
 SEPARATOR = ";"  # between lanelets that overlap where the vehicle is
 
-LAYOUT = Layout(
+FILES = ThreeFiles(
     name="exiD",
     tracks=(
         Column("id", ("trackId",), pl.Int32(), 0, c.LARGEST),
@@ -64,27 +64,22 @@ LAYOUT = Layout(
 )
 
 
-def misses_exid(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be one of exiD's; None if nothing."""
-    return misses(head, LAYOUT)
-
-
 def read_exid(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the roads of an exiD location, each a recording of its own, and what reading found.
 
     Args:
-        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
-            these may be among the paths.
+        heads: of files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
+            these may be among them.
         site: one road, its reference in UTM; None drafts every road from the tracks.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as exiD's are, or the files are of several locations.
     """
-    tracks = tracks_among(paths)
-    parts = [_read_part(path, bad_rows) for path in tracks]
+    tracks = tracks_among(heads)
+    parts = [_read_part(head, bad_rows) for head in tracks]
     values = [part.values for part in parts]
     check_one_location(tracks, values, ("location", "rate"))
     plane = Plane(
@@ -98,8 +93,8 @@ def read_exid(
     return on_roads(plane, site, join_reports([part.report for part in parts]))
 
 
-def _read_part(path: Path, bad_rows: BadRows) -> Described:
-    found = read_described(path, LAYOUT, bad_rows)
+def _read_part(head: Head, bad_rows: BadRows) -> Described:
+    found = read_described(head, FILES, bad_rows)
     table, filled = with_sizes(found.table)
     return Described(_in_plane(table, found.values), found.values, replace(found.report, sizes_filled=filled))
 
@@ -123,3 +118,6 @@ def _in_plane(table: pl.DataFrame, values: dict[str, Any]) -> pl.DataFrame:
         pl.col("v").alias(c.RECORDED_V),
         pl.col("a").alias(c.RECORDED_A),
     )
+
+
+EXID = Format("exid", "exiD, entries and exits", "NN_tracks.csv with both Meta.csv", read_exid, needs_of(FILES))

@@ -17,17 +17,18 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
+from rampcast.formats.format import Format
 from rampcast.formats.readers.levelx.levelx import (
     Described,
-    Layout,
+    ThreeFiles,
     check_one_location,
-    misses,
+    needs_of,
     read_described,
     speed_limit,
     tracks_among,
 )
 from rampcast.formats.steps.vehicles import with_sizes
-from rampcast.formats.tables.rows import Column
+from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -41,7 +42,7 @@ MARKINGS = {"upper": "upperLaneMarkings", "lower": "lowerLaneMarkings"}
 LONGEST = 200  # letters of a list of markings that a message shows
 NARROWEST, WIDEST = 2.0, 8.0  # [m] lanes that are believed; German motorways have 3.5 to 3.75 m
 
-LAYOUT = Layout(
+FILES = ThreeFiles(
     name="highD",
     tracks=(
         Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
@@ -71,27 +72,22 @@ LAYOUT = Layout(
 )
 
 
-def misses_highd(head: Head) -> str | None:
-    """Returns the first thing a file lacks to be one of highD's; None if nothing."""
-    return misses(head, LAYOUT)
-
-
 def read_highd(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the two directions of a highD location, each a recording of its own, and what reading found.
 
     Args:
-        paths: files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
-            these may be among the paths.
+        heads: of files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
+            these may be among them.
         site: one direction; None takes both, with the lanes of the recording's markings.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is missing or not as highD's are, or the files are of several locations.
     """
-    tracks = tracks_among(paths)
-    parts = [_read_part(path, bad_rows) for path in tracks]
+    tracks = tracks_among(heads)
+    parts = [_read_part(head, bad_rows) for head in tracks]
     values = [part.values for part in parts]
     check_one_location(tracks, values, ("location", "rate", "upper", "lower"))
     plane = Plane(
@@ -106,12 +102,12 @@ def read_highd(
     return on_roads(plane, site, join_reports([part.report for part in parts]))
 
 
-def _read_part(path: Path, bad_rows: BadRows) -> Described:
-    found = read_described(path, LAYOUT, bad_rows)
-    values = found.values | {name: _markings(path, name, found.values[name]) for name in MARKINGS}
+def _read_part(head: Head, bad_rows: BadRows) -> Described:
+    found = read_described(head, FILES, bad_rows)
+    values = found.values | {name: _markings(head.path, name, found.values[name]) for name in MARKINGS}
     if values["upper"][-1] >= values["lower"][0]:
         raise FormatError(
-            f"{path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
+            f"{head.path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
             f"{MARKINGS['lower']} begin at {values['lower'][0]}; expected the upper ones above the lower ones"
         )
     table, filled = with_sizes(found.table)
@@ -197,3 +193,6 @@ def _numbered(names: Sequence[int], markings: Sequence[float]) -> tuple[Lane, ..
         Lane(number, "main", round(centre, 3), (str(name),))
         for number, (name, centre) in enumerate(zip(names, centres, strict=True), start=1)
     )
+
+
+HIGHD = Format("highd", "highD, German motorways", "NN_tracks.csv with both Meta.csv", read_highd, needs_of(FILES))

@@ -9,10 +9,11 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head
+from rampcast.formats.files.head import Head, look
+from rampcast.formats.format import Needs, table_of
 from rampcast.formats.steps.vehicles import KINDS, without_vehicles
-from rampcast.formats.tables.columns import MOST_NAMES
-from rampcast.formats.tables.rows import SHOWN, Column, Rows, missing_column, read_rows
+from rampcast.formats.tables.columns import MOST_NAMES, SHOWN, Column, Rows, missing_column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.roads.plane import PLANE_SCHEMA
@@ -23,7 +24,7 @@ UNLIMITED = 50.0  # [m/s] 180 km/h, where speedLimit is -1: no limit; above what
 
 
 @dataclass(frozen=True)
-class Layout:
+class ThreeFiles:
     """The columns of the three files.
 
     Attributes:
@@ -47,22 +48,26 @@ class Described(NamedTuple):
     report: ReadReport
 
 
-def misses(head: Head, layout: Layout) -> str | None:
-    """Returns the first thing a file lacks to be one of the three files; None if it is one of them."""
-    if any(missing_column(head, columns) is None for columns in (layout.vehicles, layout.recording)):
-        return None
-    return missing_column(head, layout.tracks)
+def needs_of(files: ThreeFiles) -> Needs:
+    """Returns what tells that a file is one of the three; a file of none is compared with the tracks."""
+
+    def misses(head: Head) -> str | None:
+        if any(missing_column(head, columns) is None for columns in (files.vehicles, files.recording)):
+            return None
+        return missing_column(head, files.tracks)
+
+    return table_of(files.tracks, misses)
 
 
-def tracks_among(paths: Sequence[Path]) -> list[Path]:
+def tracks_among(heads: Sequence[Head]) -> list[Head]:
     """Returns the files of tracks; those that describe them are read with them.
 
     Raises:
         FormatError: a file that only describes tracks is given without these.
     """
-    tracks = [path for path in paths if _kind(path) == TRACKS]
-    given = {(path.parent, _number(path, TRACKS)) for path in tracks}
-    for path in paths:
+    tracks = [head for head in heads if _kind(head.path) == TRACKS]
+    given = {(head.path.parent, _number(head.path, TRACKS)) for head in tracks}
+    for path in (head.path for head in heads):
         kind = _kind(path)
         if kind != TRACKS and (path.parent, _number(path, kind)) not in given:
             raise FormatError(
@@ -72,32 +77,32 @@ def tracks_among(paths: Sequence[Path]) -> list[Path]:
     return tracks
 
 
-def read_described(path: Path, layout: Layout, bad_rows: BadRows) -> Described:
+def read_described(head: Head, files: ThreeFiles, bad_rows: BadRows) -> Described:
     """Returns one recording; its table has the vehicles' columns too, and `kind` for "class".
 
     Raises:
-        FormatError: a file is missing or not as the layout says, or a vehicle is not described or of no known class
+        FormatError: a file is missing or not as these say, or a vehicle is not described or of no known class
             and such are not to be skipped.
     """
-    rows = read_rows(path, layout.tracks, bad_rows=bad_rows)
-    recording = read_rows(_beside(path, "recordingMeta", layout), layout.recording, bad_rows=bad_rows)
+    rows = read_rows(head, files.tracks, bad_rows=bad_rows)
+    recording = read_rows(_beside(head.path, "recordingMeta", files), files.recording, bad_rows=bad_rows)
     if recording.table.height != 1:
         raise FormatError(f"{recording.file}: expected one row, that of the recording, found {recording.table.height}")
-    vehicles = read_rows(_beside(path, "tracksMeta", layout), layout.vehicles, bad_rows=bad_rows)
+    vehicles = read_rows(_beside(head.path, "tracksMeta", files), files.vehicles, bad_rows=bad_rows)
     unknown, known = _with_kinds(vehicles, bad_rows)
     rows = without_vehicles(rows, rows.table["id"].is_in(unknown["id"].implode()), _reason(unknown), bad_rows)
     rows = _with_vehicles(rows, known, bad_rows)
-    return Described(rows.table, recording.table.row(0, named=True), rows.report(f"{layout.name} tracks"))
+    return Described(rows.table, recording.table.row(0, named=True), rows.report(f"{files.name} tracks"))
 
 
-def check_one_location(paths: Sequence[Path], recordings: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
+def check_one_location(heads: Sequence[Head], recordings: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
     """Raises FormatError where recordings of one place differ in values that its recordings share."""
-    for path, values in zip(paths, recordings, strict=True):
+    for head, values in zip(heads, recordings, strict=True):
         for name in names:
             if values[name] != recordings[0][name]:
                 raise FormatError(
-                    f"{path}: its {name} is {values[name]}, that of {paths[0].name} is {recordings[0][name]}. "
-                    "Convert recordings of different places by themselves"
+                    f"{head.path}: its {name} is {values[name]}, that of {heads[0].path.name} is "
+                    f"{recordings[0][name]}. Convert recordings of different places by themselves"
                 )
 
 
@@ -115,14 +120,14 @@ def _number(path: Path, kind: str) -> str:
     return path.name.rpartition(f"_{kind}")[0]
 
 
-def _beside(path: Path, kind: str, layout: Layout) -> Path:
+def _beside(path: Path, kind: str, files: ThreeFiles) -> Head:
     number, found, ending = path.name.rpartition(f"_{TRACKS}")
     for name in (f"{number}_{kind}{ending}", f"{number}_{kind}.csv"):
         other = path.with_name(name)
         if found and other.is_file():
-            return other
+            return look(other)
     raise FormatError(
-        f"{path}: {layout.name}'s {number or 'NN'}_{kind}.csv is not beside it. Expected NN_tracks.csv, "
+        f"{path}: {files.name}'s {number or 'NN'}_{kind}.csv is not beside it. Expected NN_tracks.csv, "
         "NN_tracksMeta.csv and NN_recordingMeta.csv in one folder, with their original names"
     )
 

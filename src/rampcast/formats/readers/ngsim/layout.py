@@ -102,7 +102,7 @@ def detect_layout(name: str, head: bytes) -> Layout:
 
 def misses_ngsim(head: Head) -> str | None:
     """Returns the first thing a file lacks to be one of NGSIM's forms; None if nothing."""
-    if head.is_parquet:
+    if not head.is_text:
         return "a parquet file, not text"
     try:
         detect_layout(head.name, head.text)

@@ -12,11 +12,13 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import BYTE_ORDER_MARK
+from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
+from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.ngsim import windows as clocks
-from rampcast.formats.readers.ngsim.layout import RECORDED, Layout, detect_layout
+from rampcast.formats.readers.ngsim.layout import RECORDED, WANTED, Layout, detect_layout, misses_ngsim
 from rampcast.formats.readers.ngsim.rows import Parsed, Rules, parse_chunk, parse_lines, rules_of
+from rampcast.formats.readers.ngsim.site import guess_ngsim_site
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.recording import Recording
@@ -44,24 +46,25 @@ class _File:
     grouped_numbers: int
 
 
-def read_ngsim(paths: Sequence[Path], *, site: Site, bad_rows: BadRows = BadRows.RAISE) -> tuple[Recording, ReadReport]:
+def read_ngsim(
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+) -> tuple[Recordings, ReadReport]:
     """Returns the trajectories of one site in NGSIM's files, and what reading found.
 
     Rows are told apart into the site's recorded windows by the clock of the recording (see `ngsim_windows`); rows
     outside all of them are kept under the site's name alone.
 
     Args:
-        paths: files of one site, plain or in a .gz or .zip.
-        site: the geometry; its `location` picks the rows of the portal's export.
+        heads: of files of one site, plain or in a .gz or .zip.
+        site: the geometry; its `location` picks the rows of the portal's export. None tells it by the files' content.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is none of the forms, is of another site, or has a bad row and those are not to be skipped.
     """
-    if not paths:
-        raise FormatError("expected at least one NGSIM file, got none")
+    site = site or guess_ngsim_site(heads)
     rules = rules_of(site)
-    files = [_read_file(Path(path), rules, bad_rows) for path in paths]
+    files = [_read_file(head.path, rules, bad_rows) for head in heads]
     for file in files:
         _check_file(file, site)
     report = ReadReport(
@@ -75,7 +78,8 @@ def read_ngsim(paths: Sequence[Path], *, site: Site, bad_rows: BadRows = BadRows
     )
     rows, filled = with_sizes(pl.concat([part for file in files for part in file.parts]))
     del files  # the parts are not needed beside the whole
-    return _assemble(rows, site, replace(report, sizes_filled=filled))
+    recording, report = _assemble(rows, site, replace(report, sizes_filled=filled))
+    return (recording,), report
 
 
 def _read_file(path: Path, rules: Rules, bad_rows: BadRows) -> _File:
@@ -239,3 +243,8 @@ def _check_slips(slips: int, rows: int, report: ReadReport) -> None:
             "rows. Expected 100 ms a frame. A spreadsheet program may have rounded Global_Time, or the file was "
             "resampled: use the original"
         )
+
+
+NGSIM = Format(
+    "ngsim", "NGSIM freeway trajectories", ".txt, .csv, in .gz or .zip", read_ngsim, Needs(misses_ngsim, WANTED)
+)

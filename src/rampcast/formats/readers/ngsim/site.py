@@ -2,11 +2,11 @@
 
 import io
 from collections.abc import Sequence
-from pathlib import Path
 
 import polars as pl
 
 from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
 from rampcast.formats.files.sources import open_source, read_chunks
 from rampcast.formats.readers.ngsim.layout import LOCATION, Layout, detect_layout
 from rampcast.formats.readers.ngsim.windows import sites_of_times
@@ -16,31 +16,29 @@ LOOKED_AT = 100  # rows whose times are looked at
 DIGITS = 15  # of a time: in milliseconds since 1970 it has 13
 
 
-def guess_ngsim_site(paths: Sequence[Path]) -> Site:
+def guess_ngsim_site(heads: Sequence[Head]) -> Site:
     """Returns the shipped site at which the files were recorded.
 
     Raises:
         FormatError: the files do not tell, or tell of several sites.
     """
-    found = sorted({name for path in paths for name in _sites_of(Path(path))})
+    found = sorted({name for head in heads for name in _sites_of(head)})
     if len(found) == 1:
         return load_site(found[0])
     known = ", ".join(site_names())
     what = f"they seem to be of several sites: {', '.join(found)}" if found else "its times and Location tell of none"
     raise FormatError(
-        f"{', '.join(str(path) for path in paths)}: cannot tell the site; {what}. "
+        f"{', '.join(str(head.path) for head in heads)}: cannot tell the site; {what}. "
         f"Say which with --site (one of {known}, or your own .toml)"
     )
 
 
-def _sites_of(path: Path) -> list[str]:
-    with open_source(path) as (name, stream):
-        chunks = read_chunks(name, stream)
-        first = next(chunks, b"")
-        layout = detect_layout(name, first)
-        if not layout.has_location:
-            return sites_of_times(_times(first, layout))
-        locations = {location for chunk in (first, *chunks) for location in _locations(chunk, layout)}
+def _sites_of(head: Head) -> list[str]:
+    layout = detect_layout(head.name, head.text)
+    if not layout.has_location:
+        return sites_of_times(_times(head.text, layout))
+    with open_source(head.path) as (name, stream):
+        locations = {location for chunk in read_chunks(name, stream) for location in _locations(chunk, layout)}
     sites = [load_site(name) for name in site_names()]
     return [site.name for site in sites if site.location and site.location.lower() in locations]
 

@@ -12,13 +12,14 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head, look, plain
+from rampcast.formats.files.head import Head, plain
+from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
 from rampcast.formats.steps.motion import directions
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
-from rampcast.formats.tables.columns import MOST_NAMES, SHOWN
-from rampcast.formats.tables.rows import Column, read_rows
+from rampcast.formats.tables.columns import MOST_NAMES, SHOWN, Column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -63,35 +64,38 @@ def misses_plain(head: Head) -> str | None:
 
 
 def read_plain(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the recording in tables with rampcast's own columns, and what reading found.
 
     Args:
-        paths: csv or parquet files of one road; each is a part of its own unless a column `recording` says otherwise.
+        heads: of csv or parquet files of one road; each is a part of its own unless a column `recording` says
+            otherwise.
         site: the road, whose lane numbers the tables use; None drafts it from the lanes in them.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file lacks a column, has a bad row and those are not to be skipped, or holds no trajectories.
     """
-    known = {plain(name): name for path in paths for name in look(path).names}
+    known = {plain(name) for head in heads for name in head.names}
     entries = {name: Entry(column=name) for name in (*REQUIRED, *OPTIONAL) if name in known}
     for name in REQUIRED:
         advice = "; a table of frames alone needs a mapping that says how long one is" if name == "time" else ""
         entries.setdefault(name, Entry(column=name))
         if name not in known:
-            raise FormatError(f"{', '.join(map(str, paths))}: no column '{name}'{advice} (docs/formats/plain.md)")
-    return read_mapped(paths, TableMapping(path="", vehicles=(entries,), name=NAME, title="Table"), site, bad_rows)
+            raise FormatError(
+                f"{', '.join(head.name for head in heads)}: no column '{name}'{advice} (docs/formats/plain.md)"
+            )
+    return read_mapped(heads, TableMapping(path="", vehicles=(entries,), name=NAME, title="Table"), site, bad_rows)
 
 
 def read_mapped(
-    paths: Sequence[Path], mapping: TableMapping, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], mapping: TableMapping, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the recordings in tables whose columns a mapping describes, and what reading found.
 
     Args:
-        paths: csv or parquet files of one place.
+        heads: of csv or parquet files of one place.
         mapping: what their columns are.
         site: the road; None takes the mapping's, or drafts it.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
@@ -99,7 +103,7 @@ def read_mapped(
     Raises:
         FormatError: as `read_plain`.
     """
-    parts, report = _read(paths, mapping, bad_rows)
+    parts, report = _read(heads, mapping, bad_rows)
     site = site or mapping.site
     table, time_step, slips = with_frames(
         _parts(parts, site.name if site else mapping.name), mapping.time_step, files=report.files
@@ -121,16 +125,16 @@ def read_mapped(
     return tuple(replace(one, site=site or one.site) for one in recordings), report
 
 
-def _read(paths: Sequence[Path], mapping: TableMapping, bad_rows: BadRows) -> tuple[list[pl.DataFrame], ReadReport]:
+def _read(heads: Sequence[Head], mapping: TableMapping, bad_rows: BadRows) -> tuple[list[pl.DataFrame], ReadReport]:
     """Returns the vehicles of each file in SI, one table for each vehicle of a row, and what reading found."""
-    _check_names(paths, mapping)
+    _check_names([head.path for head in heads], mapping)
     parts: list[pl.DataFrame] = []
     reports: list[ReadReport] = []
-    for path in paths:
-        _check_columns(look(path), mapping)
-        rows = read_rows(path, _columns(mapping), bad_rows=bad_rows)
+    for head in heads:
+        _check_columns(head, mapping)
+        rows = read_rows(head, _columns(mapping), bad_rows=bad_rows)
         reports.append(rows.report(f"table by {mapping.path}" if mapping.path else "plain table"))
-        parts.extend(_vehicle(rows.table, entries, mapping, path) for entries in mapping.vehicles)
+        parts.extend(_vehicle(rows.table, entries, mapping, head.path) for entries in mapping.vehicles)
     return parts, join_reports(reports)
 
 
@@ -338,3 +342,6 @@ def _with_sources(site: Site | None) -> Site | None:
     if site is None or any(lane.sources for lane in site.lanes):
         return site
     return replace(site, lanes=tuple(replace(lane, sources=(str(lane.number),)) for lane in site.lanes))
+
+
+PLAIN = Format(NAME, "plain table, rampcast's own columns", ".csv, .parquet", read_plain, Needs(misses_plain, REQUIRED))

@@ -7,21 +7,21 @@ Source: SUMO's documentation of FCDOutput, and what SUMO 1.28 writes; see docs/f
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from jaxtyping import Int
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head, look, plain
+from rampcast.formats.files.head import Head, plain
 from rampcast.formats.files.xml_text import find_root
+from rampcast.formats.format import Format, table_of
 from rampcast.formats.readers.sumo.xml_careful import ROOT
 from rampcast.formats.readers.sumo.xml_fast import read_fcd_xml
 from rampcast.formats.steps.clock import check_one_step, seconds, whole_frames
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
-from rampcast.formats.tables.columns import SHOWN, Column, Rows
-from rampcast.formats.tables.rows import missing_column, read_rows
+from rampcast.formats.tables.columns import SHOWN, Column, Rows, missing_column
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -93,29 +93,29 @@ def misses_sumo(head: Head) -> str | None:
 
 
 def read_sumo(
-    paths: Sequence[Path], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
 ) -> tuple[tuple[Recording, ...], ReadReport]:
     """Returns the recordings in floating car data of one net, and what reading found.
 
     Args:
-        paths: files of one net, each a part of its own: "1", "2", ...
+        heads: of files of one net, each a part of its own: "1", "2", ...
         site: the road; None drafts every road from the tracks.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
 
     Raises:
         FormatError: a file is not as SUMO's are, is in degrees, or the files differ in their time step.
     """
-    parts = [_read(path, f"{number}", bad_rows) for number, path in enumerate(paths, start=1)]
+    parts = [_read(head, f"{number}", bad_rows) for number, head in enumerate(heads, start=1)]
     steps = [time_step for _, time_step, _ in parts]
-    check_one_step(paths, steps)
+    check_one_step([head.path for head in heads], steps)
     rows = pl.concat([part for part, _, _ in parts])
     plane = Plane(name="sumo", title="SUMO", source="sumo", rows=rows, time_step=steps[0], simulated=True)
     return on_roads(plane, site, join_reports([report for _, _, report in parts]))
 
 
-def _read(path: Path, part: str, bad_rows: BadRows) -> tuple[pl.DataFrame, float, ReadReport]:
+def _read(head: Head, part: str, bad_rows: BadRows) -> tuple[pl.DataFrame, float, ReadReport]:
     """Returns the rows of a file in its plane, its time step [s], and what reading found."""
-    rows, others = _rows(path, bad_rows)
+    rows, others = _rows(head, bad_rows)
     table, others = _vehicles_only(rows.table, others)
     if table.is_empty():
         raise FormatError(
@@ -140,22 +140,21 @@ def _read(path: Path, part: str, bad_rows: BadRows) -> tuple[pl.DataFrame, float
     return sized, time_step, report
 
 
-def _rows(path: Path, bad_rows: BadRows) -> tuple[Rows, int]:
+def _rows(head: Head, bad_rows: BadRows) -> tuple[Rows, int]:
     """Returns the rows of a file and how many persons were left out already."""
-    head = look(path)
     if not head.names:
-        return read_fcd_xml(path, ATTRIBUTES, bad_rows)
+        return read_fcd_xml(head.path, ATTRIBUTES, bad_rows)
     time = Column("time", TIMES, low=-LATEST, high=LATEST)
-    if not _has_clock(path, head):
-        return read_rows(path, (time, *ATTRIBUTES, EDGE), bad_rows=bad_rows), 0
-    rows = read_rows(path, (replace(time, type=pl.Categorical()), *ATTRIBUTES, EDGE), bad_rows=bad_rows)
+    if not _has_clock(head):
+        return read_rows(head, (time, *ATTRIBUTES, EDGE), bad_rows=bad_rows), 0
+    rows = read_rows(head, (replace(time, type=pl.Categorical()), *ATTRIBUTES, EDGE), bad_rows=bad_rows)
     return replace(rows, table=rows.table.with_columns(_seconds(rows))), 0
 
 
-def _has_clock(path: Path, head: Head) -> bool:
+def _has_clock(head: Head) -> bool:
     """Returns whether times are hours:minutes:seconds, as SUMO writes with --human-readable-time."""
-    if head.is_parquet:
-        return any(pl.read_parquet_schema(path)[name] == pl.String for name in head.names if plain(name) in TIMES)
+    if head.types is not None:
+        return any(kind == pl.String for name, kind in head.types.items() if plain(name) in TIMES)
     _, _, rows = head.text.partition(b"\n")
     return b":" in re.split(rb"[,;\t\n]", rows, maxsplit=1)[0]
 
@@ -233,3 +232,12 @@ def _check_metres(name: str, table: pl.DataFrame, frames: Int[np.ndarray, "row"]
             f"{name}: its positions are longitude and latitude (--fcd-output.geo); run SUMO without that option, or "
             "with --fcd-output.utm, so that they are in metres"
         )
+
+
+SUMO = Format(
+    "sumo",
+    "SUMO floating car data",
+    ".xml, .csv, in .gz or .zip; .parquet",
+    read_sumo,
+    table_of((Column("time", TIMES), *ATTRIBUTES), misses_sumo),
+)

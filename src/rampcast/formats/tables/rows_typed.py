@@ -1,4 +1,4 @@
-"""Rows of a parquet file with named columns, whatever the types of these are."""
+"""Rows of tables whose columns have types, whatever these are: parquet files, and tables in memory."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,32 +11,31 @@ from rampcast.formats.tables.columns import SHOWN, Column, Rows, advice, missing
 from rampcast.recording.parquet import read_table
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
-ROW = "number of the row"  # name of a column of our own beside those of a parquet file
+ROW = "number of the row"  # name of a column of our own beside those of the table
 
 
-def read_parquet(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
-    """Returns the rows of a parquet file.
+def read_typed(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
+    """Returns the rows of a parquet file or a table in memory.
 
     Raises:
-        FormatError: it is damaged, lacks a column, or has a bad row and those are not to be skipped.
+        FormatError: the file is damaged, it lacks a column, or has a bad row and those are not to be skipped.
     """
     chosen: dict[str, Column] = {}
     for column in columns:
-        place = place_of(column, head.names, str(head.path))
+        place = place_of(column, head.names, head.name)
         if place is None and not column.optional:
-            raise FormatError(f"{head.path}: {missing(column, head.names)}")
+            raise FormatError(f"{head.name}: {missing(column, head.names)}")
         if place is not None:
             chosen[head.names[place]] = column
-    raw = read_table(head.path, list(chosen)).with_row_index(ROW, 1)
+    raw = read_table(head.path, list(chosen)) if head.table is None else head.table.select(chosen)
+    raw = raw.with_row_index(ROW, 1)
     keys = [name for name, column in chosen.items() if column.is_key]
     raw = raw.drop_nulls(keys) if keys else raw
     reasons = pl.concat_list(
         _fault_of(name, column, raw.schema[name]) for name, column in chosen.items()
     ).list.drop_nulls()
     faults = raw.select(ROW, reasons.list.first().alias("reason")).drop_nulls()
-    listed = tuple(
-        BadRow(str(head.path), row, 0, reason, "row") for row, reason in faults.head(MOST_LISTED).iter_rows()
-    )
+    listed = tuple(BadRow(head.name, row, 0, reason, "row") for row, reason in faults.head(MOST_LISTED).iter_rows())
     if listed and bad_rows is BadRows.RAISE:
         raise FormatError(advice(listed[0]))
     good = raw.join(faults, on=ROW, how="anti") if listed else raw
@@ -44,11 +43,11 @@ def read_parquet(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Ro
         _cell(name, column, raw.schema[name]).cast(column.type, strict=False).alias(column.name)
         for name, column in chosen.items()
     )
-    return Rows(str(head.path), table, listed, faults.height)
+    return Rows(head.name, table, listed, faults.height)
 
 
 def _cell(name: str, column: Column, found: Any) -> pl.Expr:
-    """Returns a cell of a parquet file; polars makes categories of text alone, and no numbers of what has parts."""
+    """Returns a cell; polars makes categories of text alone, and no numbers of what has parts."""
     if not _is_simple(found):
         return pl.lit(None)
     return pl.col(name).cast(pl.String, strict=False) if column.is_text else pl.col(name)
@@ -62,7 +61,7 @@ def _is_simple(found: Any) -> bool:
 
 
 def _fault_of(name: str, column: Column, found: Any) -> pl.Expr:
-    """Returns an expression that says what is wrong with a cell of a parquet file; null if nothing is."""
+    """Returns an expression that says what is wrong with a cell; null if nothing is."""
     if not _is_simple(found):
         return pl.lit(f"{name}: expected {'text' if column.is_text else 'a number'}, found the type {found}")
     cell = pl.col(name)

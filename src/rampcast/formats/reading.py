@@ -1,0 +1,159 @@
+"""Reading and converting: recordings from files or tables of one of the formats, told by their content."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head, Source, heads_of, look
+from rampcast.formats.format import Format, Recordings
+from rampcast.formats.readers.plain.mapping import load_mapping
+from rampcast.formats.readers.plain.plain import read_mapped
+from rampcast.formats.registry import all_formats, format_named
+from rampcast.recording import Recording, write_recordings
+from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.sites import Site
+
+CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
+
+
+def read_all(
+    source: Source,
+    *,
+    site: Site | None = None,
+    format: str | None = None,
+    mapping: Path | None = None,
+    bad_rows: BadRows = BadRows.RAISE,
+) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings in files or tables of one of the formats, one for each road, and what reading found.
+
+    Args:
+        source: paths of files, or polars or pandas frames; one or a list, of one format and one place.
+        site: the geometry; None takes the recording's own, tells it by the files' content, or drafts it from them.
+        format: name of the format; None tells it by the files' content.
+        mapping: a TOML file that says what the columns of a foreign table are; None for files in one of the formats.
+        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
+
+    Raises:
+        FormatError: a file is not there, is in no known format, or is not as its format says.
+        RecordingError: a recording of rampcast's own cannot be read, or is of another site.
+    """
+    return _read(heads_of(source), site, format, mapping, bad_rows)
+
+
+def _read(
+    heads: Sequence[Head], site: Site | None, format: str | None, mapping: Path | None, bad_rows: BadRows
+) -> tuple[Recordings, ReadReport]:
+    if mapping is None:
+        return format_of(heads, format).read(heads, site, bad_rows)
+    if format not in (None, "plain"):
+        raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
+    return read_mapped(heads, load_mapping(mapping), site, bad_rows)
+
+
+def read_any(
+    source: Source,
+    *,
+    site: Site | None = None,
+    format: str | None = None,
+    mapping: Path | None = None,
+    bad_rows: BadRows = BadRows.RAISE,
+) -> tuple[Recording, ReadReport]:
+    """Returns the one recording in files or tables, and what reading found; arguments as `read_all`.
+
+    Raises:
+        FormatError: the files hold several roads, or as `read_all`.
+        RecordingError: as `read_all`.
+    """
+    recordings, report = read_all(source, site=site, format=format, mapping=mapping, bad_rows=bad_rows)
+    if len(recordings) > 1:
+        names = ", ".join(f"{one.site.name} ({one.tracks.height:,} rows)" for one in recordings)
+        raise FormatError(
+            f"{', '.join(report.files)}: there are {len(recordings)} roads in it: {names}. `rampcast convert` writes a "
+            "recording of each; or choose one with --site, a site file that `rampcast site` writes"
+        )
+    return recordings[0], report
+
+
+def convert_all(
+    source: Source,
+    out: Path,
+    *,
+    site: Site | None = None,
+    format: str | None = None,
+    mapping: Path | None = None,
+    bad_rows: BadRows = BadRows.RAISE,
+) -> tuple[list[Path], ReadReport]:
+    """Writes the recordings in files of one of the formats, and returns the files written and what reading found.
+
+    A format of huge files is converted part by part, in little memory. The other arguments are those of `read_all`.
+
+    Args:
+        out: the file to write, a .parquet; of several roads one each, named as `write_recordings` does.
+
+    Raises:
+        FormatError: `out` is no .parquet or one of the files to read, or as `read_all`.
+        RecordingError: as `read_all`.
+    """
+    out = Path(out)
+    if out.suffix != ".parquet":
+        raise FormatError(f"{out}: a recording is written as a parquet file; choose a name that ends in .parquet")
+    heads = heads_of(source)
+    if any(out.resolve() == head.path.resolve() for head in heads):
+        raise FormatError(f"{out}: this is one of the files to read, and would be overwritten; choose another name")
+    entry = format_of(heads, format) if mapping is None else None
+    if entry is not None and entry.convert is not None:
+        written, report = entry.convert(heads, out, site, bad_rows)
+        return list(written), report
+    recordings, report = _read(heads, site, entry.name if entry else format, mapping, bad_rows)
+    return write_recordings(recordings, out), report
+
+
+def format_of(heads: Sequence[Head], name: str | None = None) -> Format:
+    """Returns the format of that name, or the one of which all the files are.
+
+    Raises:
+        FormatError: there is no such format, a file is of none, or the files are of several.
+    """
+    if name is not None:
+        entry = format_named(name)
+        for head in heads:
+            if head.table is not None and (reason := entry.needs.misses(head)):
+                raise FormatError(f"{head.name}: it is no table of the format '{name}': {reason}")
+        return entry
+    found = [_told_by_content(head) for head in heads]
+    if any(entry is not found[0] for entry in found):
+        both = "; ".join(f"{head.path}: {entry.title}" for head, entry in zip(heads, found, strict=True))
+        raise FormatError(f"expected files of one format, got {both}. Convert each by itself first")
+    return found[0]
+
+
+def why_not(path: Path) -> str | None:
+    """Returns why a file cannot be a recording, told by its beginning; None if it can."""
+    try:
+        _told_by_content(look(path))
+    except FormatError as error:
+        return str(error)
+    return None
+
+
+def _told_by_content(head: Head) -> Format:
+    reasons: list[tuple[Format, str]] = []
+    for entry in all_formats():
+        reason = entry.needs.misses(head)
+        if reason is None:
+            return entry
+        reasons.append((entry, reason))
+    if head.is_text and not head.text.strip():
+        raise FormatError(f"{head.name}: the file is empty; get it again")
+    if CONTROL.search(head.text):
+        raise FormatError(
+            f"{head.name}: in none of the formats that rampcast knows: it is no parquet file, and holds bytes that no "
+            "text has. Unpack it, or export it as csv or parquet"
+        )
+    nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
+    tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
+    raise FormatError(
+        f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, describe it with "
+        f"--mapping; --format says which it is.\nTried, the nearest first: {tried}"
+    )
