@@ -3,6 +3,7 @@ from .errors import RampcastError as RampcastError
 from .plots import plot as plot
 from .recording import Recording as Recording
 from .recording import clean as clean
+from .simulate import shipped_sample as shipped_sample
 from .simulate import simulate as simulate
 from .sites import Site as Site
 
