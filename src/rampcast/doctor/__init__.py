@@ -2,23 +2,22 @@
 
 from collections.abc import Sequence
 
-from rampcast.doctor import reading
-from rampcast.doctor.checks import CHECKS
+from rampcast.doctor.checks import CHECKS, reading
+from rampcast.doctor.checks.ramp import facts
 from rampcast.doctor.distributions import distributions
 from rampcast.doctor.finding import (
     Check,
     Diagnosis,
     Distribution,
+    Faults,
     Finding,
-    Found,
     NotAssessed,
     Severity,
     Unassessed,
     spoils,
     to_dict,
 )
-from rampcast.doctor.pictures import pictures
-from rampcast.doctor.ramp import facts
+from rampcast.doctor.picture_tables import pictures
 from rampcast.doctor.subject import subject_of
 from rampcast.formats import ReadReport
 from rampcast.recording import Recording
@@ -85,7 +84,7 @@ def examine_all(
 
 
 def _judged(
-    outcomes: Sequence[tuple[Check, Found | NotAssessed]],
+    outcomes: Sequence[tuple[Check, Faults | NotAssessed]],
 ) -> tuple[tuple[Finding, ...], tuple[Check, ...], tuple[Unassessed, ...]]:
     """Returns what is a finding, the worst first, which checks found nothing to speak of, and what is not known."""
     findings, sound, unassessed = [], [], []

@@ -6,11 +6,10 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
+from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION, FASTEST, LARGEST_JERK
 from rampcast.doctor.finding import Distribution
-from rampcast.doctor.motion import FASTEST, LARGEST_JERK
 from rampcast.doctor.row_measures import BEFORE
 from rampcast.doctor.subject import Subject
-from rampcast.doctor.summary import CLIPPED_ACCELERATION
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 

@@ -5,27 +5,16 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import polars as pl
 
+from rampcast.doctor.places import FINDING, PLACE_SCHEMA, VALUE
+from rampcast.doctor.subject import Subject
 from rampcast.formats import ReadReport
 from rampcast.recording import columns as c
 
-if TYPE_CHECKING:
-    from rampcast.doctor.subject import Subject
-
 MOST_EXAMPLES = 10
-VALUE = "value"  # what was measured at a place, in the unit that the check names
-FINDING = "finding"
-PLACE_SCHEMA: dict[str, pl.DataType] = {
-    c.RECORDING: pl.String(),
-    c.VEHICLE: pl.Int32(),  # null where the place is a moment, not a vehicle
-    c.FRAME: pl.Int32(),  # null where the place is the whole window
-    c.X: pl.Float64(),
-    c.LANE: pl.Int16(),
-    VALUE: pl.Float64(),
-}
 
 
 class Severity(Enum):
@@ -37,7 +26,7 @@ class Severity(Enum):
 
 
 @dataclass(frozen=True)
-class Found:
+class Faults:
     """What a check found.
 
     Attributes:
@@ -83,7 +72,7 @@ class Check:
     limit: str
     advice: str
     why: str
-    look: Callable[["Subject"], Found | NotAssessed]
+    look: Callable[[Subject], Faults | NotAssessed]
     notes: float = 0.0
     warns: float = math.inf
     spoils: float = math.inf
@@ -108,7 +97,7 @@ class Finding:
 
     check: Check
     severity: Severity
-    found: Found
+    found: Faults
 
     @property
     def count(self) -> int:

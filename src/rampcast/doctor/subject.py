@@ -1,25 +1,25 @@
 """The recording that is examined, as every check needs it: sorted rows as arrays, jumps, and the smoothed recording."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int, Num
 
-from rampcast.doctor.finding import PLACE_SCHEMA, VALUE
 from rampcast.doctor.jumps import jumps
-from rampcast.doctor.row_measures import STEP, marked
+from rampcast.doctor.places import places_of
+from rampcast.doctor.row_measures import BEFORE, DEPTH, STEP, TRACK, as_row_before, measured
 from rampcast.errors import RecordingError
-from rampcast.formats import ReadReport
 from rampcast.horizon import STEP as SMOOTHED_STEP
 from rampcast.recording import CleaningReport, Recording, clean
 from rampcast.recording import columns as c
+from rampcast.recording.reading import ReadReport
 from rampcast.recording.smoothing import LONGEST_FILLED_GAP
-from rampcast.traffic import find_anchors, find_neighbours
+from rampcast.traffic import find_anchors, find_neighbours, on_ramp_vehicles
 from rampcast.traffic.neighbours import NONE
 
+READ_FIRST = "rc.read makes one of files"
 ANCHOR_SPACING = 1.0  # [s] between the moments at which neighbours are counted
 
 
@@ -30,7 +30,7 @@ class Subject:
     Attributes:
         recording: raw or smoothed.
         report: what reading found; None if nothing was read from files.
-        tracks: its rows sorted by (recording, vehicle, frame), each key once, with the columns of `marks`.
+        tracks: its rows sorted by (recording, vehicle, frame), each key once, with the columns of `row_measures`.
         repeats: rows whose key came before.
         cleaned: it smoothed; None if that is impossible.
         changes: what smoothing changed; None if it was smoothed already, or cannot be.
@@ -69,6 +69,40 @@ class Subject:
     def ends(self) -> Int[np.ndarray, "vehicle"]:
         """Returns the last row of each vehicle."""
         return np.append(self.starts[1:], len(self.step))[: len(self.starts)] - 1
+
+    @cached_property
+    def is_after_hole(self) -> Bool[np.ndarray, "row"]:
+        """Returns which rows follow a hole in their vehicle's track that a lost vehicle leaves."""
+        return (self.step > 1) & (self.step <= self.longest)
+
+    @cached_property
+    def comes_back(self) -> Bool[np.ndarray, "row"]:
+        """Returns at which rows an id comes back after so long that it is another vehicle."""
+        return self.step > self.longest
+
+    @cached_property
+    def overlap(self) -> Float[np.ndarray, "row"]:
+        """Returns how far each row's front is ahead of the rear of the next vehicle in its lane [m]; 0 if it is not."""
+        return np.fmax(self.tracks[DEPTH].to_numpy(), 0.0)  # NaN where there is no leader
+
+    @cached_property
+    def raw_acceleration(self) -> Float[np.ndarray, "row"]:
+        """Returns the acceleration before smoothing [m/s^2]; NaN where that, or a row beside it, is not there."""
+        known = self.tracks[BEFORE].to_numpy()
+        return np.full(len(known), np.nan) if self.recording.is_smoothed else known
+
+    @cached_property
+    def seen(self) -> Float[np.ndarray, "vehicle"]:
+        """Returns for how long each vehicle is seen [s]."""
+        return (self.frame[self.ends] - self.frame[self.starts]) * self.time_step
+
+    @cached_property
+    def on_ramp(self) -> Bool[np.ndarray, "vehicle"]:
+        """Returns which vehicles are on-ramp vehicles."""
+        first = replace(self.recording, tracks=self.tracks[self.starts])
+        known = on_ramp_vehicles(first).with_columns(on_ramp=pl.lit(True))
+        found = first.tracks.join(known, on=TRACK, how="left", maintain_order="left")
+        return found["on_ramp"].fill_null(False).to_numpy()
 
     @cached_property
     def track(self) -> Int[np.ndarray, "row"]:
@@ -120,13 +154,9 @@ class Subject:
         """Returns the jerk at each row of the smoothed recording [m/s^3]; NaN where the row before is missing."""
         assert self.cleaned is not None
         rows = self.cleaned.tracks
-        continues = rows.select(
-            (pl.col(c.RECORDING) == pl.col(c.RECORDING).shift(1))
-            & (pl.col(c.VEHICLE) == pl.col(c.VEHICLE).shift(1))
-            & (pl.col(c.FRAME) == pl.col(c.FRAME).shift(1) + 1)
-        )
+        continues = rows.select(as_row_before(*TRACK) & (pl.col(c.FRAME).diff() == 1)).to_series().fill_null(False)
         rate = np.diff(rows[c.A].to_numpy(), prepend=np.nan) / SMOOTHED_STEP
-        return np.where(continues.to_series().fill_null(False).to_numpy(), rate, np.nan)
+        return np.where(continues.to_numpy(), rate, np.nan)
 
     @cached_property
     def anchors(self) -> Int[np.ndarray, "scene"]:
@@ -155,7 +185,7 @@ class Subject:
         self, rows: Int[np.ndarray, "found"] | Bool[np.ndarray, "row"], values: Num[np.ndarray, "found"]
     ) -> pl.DataFrame:
         """Returns the places of those rows, with a value for each."""
-        return _places(self.tracks[_numbers(rows)], values)
+        return places_of(self.tracks[_numbers(rows)], values)
 
     def smoothed_places(
         self, rows: Int[np.ndarray, "found"] | Bool[np.ndarray, "after"], values: Num[np.ndarray, "found"]
@@ -164,35 +194,18 @@ class Subject:
         assert self.cleaned is not None
         every = round(SMOOTHED_STEP / self.time_step)
         found = self.cleaned.tracks[_numbers(rows)]
-        return _places(found.with_columns(pl.col(c.FRAME) * every), values)
+        return places_of(found.with_columns(pl.col(c.FRAME) * every), values)
 
 
 def subject_of(recording: Recording, report: ReadReport | None) -> Subject:
     """Returns a recording ready to be examined."""
-    tracks, repeats = marked(recording)
+    tracks, repeats = measured(recording)
     cleaned, changes, why_not = _cleaned(recording)
     return Subject(recording, report, tracks, repeats, cleaned, changes, why_not)
 
 
-def moments(rows: Mapping[str, object]) -> pl.DataFrame:
-    """Returns places that are moments or whole windows: what is not given is null."""
-    known = pl.DataFrame(rows, schema_overrides={name: PLACE_SCHEMA[name] for name in rows})
-    missing = (pl.lit(None, dtype=kind).alias(name) for name, kind in PLACE_SCHEMA.items() if name not in rows)
-    return known.with_columns(*missing).select(PLACE_SCHEMA.keys())
-
-
-def no_places() -> pl.DataFrame:
-    """Returns no places."""
-    return pl.DataFrame(schema=PLACE_SCHEMA)
-
-
 def _numbers(rows: Num[np.ndarray, "found"] | Bool[np.ndarray, "row"]) -> Int[np.ndarray, "found"]:
     return np.flatnonzero(rows) if rows.dtype == np.bool_ else rows.astype(np.int64)
-
-
-def _places(rows: pl.DataFrame, values: Num[np.ndarray, "found"]) -> pl.DataFrame:
-    names = [name for name in PLACE_SCHEMA if name != VALUE]
-    return rows.select(names).with_columns(pl.Series(VALUE, values)).cast(pl.Schema(PLACE_SCHEMA))
 
 
 def _cleaned(recording: Recording) -> tuple[Recording | None, CleaningReport | None, str]:

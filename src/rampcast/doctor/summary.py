@@ -7,15 +7,15 @@ from typing import Any
 
 import polars as pl
 
-from rampcast.doctor.row_measures import BEFORE, DEPTH, STEP, TRACK, marked
+from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION
+from rampcast.doctor.checks.ramp import LONG_ENOUGH
+from rampcast.doctor.row_measures import BEFORE, DEPTH, STEP, TRACK, measured
 from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
 from rampcast.recording.recording import Recording
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, clean
 from rampcast.sites.site import Site
 
-CLIPPED_ACCELERATION = 3.41  # [m/s^2] = 11.2 ft/s^2, where NGSIM clips its own v_Acc; method page, section 3
-LONG_ENOUGH = 19.0  # [s] 4 s of history and 15 s of horizon; the paper, section "Data Set"
 ALL = "all"
 MOST_COLUMNS = 4  # windows side by side that a terminal has room for
 
@@ -137,7 +137,7 @@ def quality(recording: Recording, *, cleaned: Recording | None = None) -> Qualit
         cleaned: the same recording smoothed, if the caller has it; None smooths a raw one here.
     """
     cleaned = cleaned or _cleaned(recording)
-    tracks, repeats = marked(recording)
+    tracks, repeats = measured(recording)
     duplicates = dict(repeats.group_by(pl.col(c.RECORDING).cast(pl.String)).len().iter_rows())
     windows = []
     for name in recording.names:

@@ -3,8 +3,9 @@
 import numpy as np
 import polars as pl
 
-from rampcast.doctor.finding import Found
-from rampcast.doctor.subject import Subject, moments
+from rampcast.doctor.finding import Faults
+from rampcast.doctor.places import moments
+from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import SHORTEST_TRACK
 
@@ -12,39 +13,39 @@ RESIZED = 0.5  # [m] more than the noise of a length that is measured in every f
 SHORTEST, LONGEST = 1.0, 30.0  # [m] a moped is 1.7 m; the longest road trains allowed in Europe are 25.25 m
 
 
-def gaps(subject: Subject) -> Found:
+def gaps(subject: Subject) -> Faults:
     """Returns the rows that follow a hole of up to 5 s in their vehicle's track; the value is its length [s]."""
-    rows = np.flatnonzero((subject.step > 1) & (subject.step <= subject.longest))
+    rows = np.flatnonzero(subject.is_after_hole)
     missing = subject.step[rows] - 1
-    return Found(
+    return Faults(
         subject.places(rows, missing * subject.time_step),
         of=len(subject.step),
         detail=f"{int(missing.sum()):,} frames are missing in these holes" if len(rows) else "",
     )
 
 
-def reused_ids(subject: Subject) -> Found:
+def reused_ids(subject: Subject) -> Faults:
     """Returns the rows where an id comes back after more than 5 s; the value is how long it was away [s]."""
-    rows = np.flatnonzero(subject.step > subject.longest)
-    return Found(subject.places(rows, (subject.step[rows] - 1) * subject.time_step), of=len(subject.starts))
+    rows = np.flatnonzero(subject.comes_back)
+    return Faults(subject.places(rows, (subject.step[rows] - 1) * subject.time_step), of=len(subject.starts))
 
 
-def changing_sizes(subject: Subject) -> Found:
+def changing_sizes(subject: Subject) -> Faults:
     """Returns the rows at which a vehicle's length changes by more than 0.5 m; the value is by how much [m]."""
     length = subject.tracks[c.LENGTH].to_numpy().astype(np.float64)
     change = np.where(subject.step > 0, np.diff(length, prepend=np.nan), 0.0)
     rows = np.flatnonzero(np.abs(change) > RESIZED)
-    return Found(subject.places(rows, change[rows]), of=len(subject.starts))
+    return Faults(subject.places(rows, change[rows]), of=len(subject.starts))
 
 
-def impossible_sizes(subject: Subject) -> Found:
+def impossible_sizes(subject: Subject) -> Faults:
     """Returns the rows whose vehicle is shorter than 1 m, longer than 30 m, or of no length; the value is it [m]."""
     length = subject.tracks[c.LENGTH].to_numpy().astype(np.float64)
     rows = np.flatnonzero(~((length >= SHORTEST) & (length <= LONGEST)))
-    return Found(subject.places(rows, length[rows]), of=len(length))
+    return Faults(subject.places(rows, length[rows]), of=len(length))
 
 
-def out_of_order(subject: Subject) -> Found:
+def out_of_order(subject: Subject) -> Faults:
     """Returns the rows whose frame is before that of the row above, of the same vehicle; the value is how far [s]."""
     tracks, same = subject.recording.tracks, [c.RECORDING, c.VEHICLE]
     back = pl.when(pl.all_horizontal(pl.col(name) == pl.col(name).shift(1) for name in same)).then(
@@ -52,15 +53,15 @@ def out_of_order(subject: Subject) -> Found:
     )
     found = tracks.with_columns(value=back * subject.time_step).filter(pl.col("value") > 0)
     names = [c.RECORDING, c.VEHICLE, c.FRAME, c.X, c.LANE, "value"]
-    return Found(moments(found.select(names).to_dict()), of=tracks.height)
+    return Faults(moments(found.select(names).to_dict()), of=tracks.height)
 
 
-def fragments(subject: Subject) -> Found:
+def fragments(subject: Subject) -> Faults:
     """Returns the tracks that are too short to smooth; the value is their length [frames].
 
     A track is a vehicle's rows without a hole of more than 5 s.
     """
-    begins = np.flatnonzero((subject.step == 0) | (subject.step > subject.longest))
+    begins = np.flatnonzero((subject.step == 0) | subject.comes_back)
     rows = np.diff(np.append(begins, len(subject.step)))
     short = rows < SHORTEST_TRACK
-    return Found(subject.places(begins[short], rows[short]), of=len(begins))
+    return Faults(subject.places(begins[short], rows[short]), of=len(begins))

@@ -6,10 +6,11 @@ import numpy as np
 import polars as pl
 from jaxtyping import Int
 
-from rampcast.doctor.finding import Found, NotAssessed
-from rampcast.doctor.subject import Subject, no_places
-from rampcast.formats import ReadReport
+from rampcast.doctor.finding import Faults, NotAssessed
+from rampcast.doctor.places import no_places
+from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
+from rampcast.recording.reading import ReadReport
 from rampcast.recording.recording import KEY
 
 OWN_FORM = "rampcast recording"
@@ -28,54 +29,54 @@ OF_ROWS = ("duplicates", "conflicting_duplicates")  # those that the rows of a r
 SHOWN_ROWS = 3  # malformed rows quoted in words
 
 
-def duplicates(subject: Subject) -> Found:
+def duplicates(subject: Subject) -> Faults:
     """Returns the rows that repeat a (recording, vehicle, frame); those that reading removed have no place."""
     removed = subject.report.duplicates if subject.report else 0
     places = subject.places(_kept(subject, subject.repeats), np.ones(subject.repeats.height))
     detail = f"{removed:,} of them were removed when the files were read" if removed else ""
-    return Found(places, of=_rows(subject) + removed, count=removed + places.height, detail=detail)
+    return Faults(places, of=_rows(subject) + removed, count=removed + places.height, detail=detail)
 
 
-def conflicts(subject: Subject) -> Found:
+def conflicts(subject: Subject) -> Faults:
     """Returns the repeats that differ from the row that was kept in position or lane."""
     removed = subject.report.conflicting_duplicates if subject.report else 0
     if not subject.repeats.height:
-        return Found(no_places(), of=_rows(subject) + removed, count=removed)
+        return Faults(no_places(), of=_rows(subject) + removed, count=removed)
     differing = subject.repeats.join(subject.tracks, on=KEY, how="left", suffix="_kept", maintain_order="left").filter(
         pl.any_horizontal(pl.col(name) != pl.col(f"{name}_kept") for name in (c.X, c.Y, c.LANE))
     )
     apart = (differing[c.X] - differing[f"{c.X}_kept"]).to_numpy()
     places = subject.places(_kept(subject, differing), apart)
-    return Found(places, of=_rows(subject) + removed, count=removed + places.height)
+    return Faults(places, of=_rows(subject) + removed, count=removed + places.height)
 
 
-def malformed(subject: Subject) -> Found | NotAssessed:
+def malformed(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows that are not as their format says."""
     report = _original(subject.report)
     return report if isinstance(report, NotAssessed) else _in_report(report, "malformed_rows")
 
 
-def counted(name: str) -> Callable[[Subject], Found | NotAssessed]:
+def counted(name: str) -> Callable[[Subject], Faults | NotAssessed]:
     """Returns a check of one of the counts of a `ReadReport`."""
 
-    def look(subject: Subject) -> Found | NotAssessed:
+    def look(subject: Subject) -> Faults | NotAssessed:
         report = _original(subject.report)
         return report if isinstance(report, NotAssessed) else _in_report(report, name)
 
     return look
 
 
-def in_files(report: ReadReport | None, check: str) -> Found | NotAssessed:
+def in_files(report: ReadReport | None, check: str) -> Faults | NotAssessed:
     """Returns what reading found of a check where the files hold several roads: of all of them together."""
     original = _original(report)
     return original if isinstance(original, NotAssessed) else _in_report(original, check)
 
 
-def _in_report(report: ReadReport, check: str) -> Found:
+def _in_report(report: ReadReport, check: str) -> Faults:
     is_malformed = check == "malformed_rows"
     count = report.rows_skipped if is_malformed else getattr(report, check)
     detail = "; ".join(str(row) for row in report.skipped[:SHOWN_ROWS]) if is_malformed else ""
-    return Found(no_places(), of=max(report.rows_read, count), count=count, detail=detail)  # a row may hold several
+    return Faults(no_places(), of=max(report.rows_read, count), count=count, detail=detail)  # a row may hold several
 
 
 def _original(report: ReadReport | None) -> ReadReport | NotAssessed:

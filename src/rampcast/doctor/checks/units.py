@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from rampcast.doctor.finding import VALUE, Found, NotAssessed
-from rampcast.doctor.motion import FASTEST
-from rampcast.doctor.recorded import UNITS, compared_speeds, speed_ratio
-from rampcast.doctor.subject import Subject, moments
+from rampcast.doctor.checks.motion import FASTEST
+from rampcast.doctor.checks.recorded import UNITS, compared_speeds, speed_ratio
+from rampcast.doctor.finding import Faults, NotAssessed
+from rampcast.doctor.places import VALUE, moments
+from rampcast.doctor.subject import Subject
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import columns as c
 
@@ -38,7 +39,7 @@ class _Measured:
         return not self.usual[0] <= self.value <= self.usual[1]
 
 
-def units(subject: Subject) -> Found | NotAssessed:
+def units(subject: Subject) -> Faults | NotAssessed:
     """Returns the quantities that no road has in the units that a recording should be in; the value is the quantity."""
     measured = [*_car_length(subject), *_lane_spacing(subject), *_speed(subject), *_time_step(subject)]
     if not measured:
@@ -48,7 +49,7 @@ def units(subject: Subject) -> Found | NotAssessed:
         f"{one.what} is {one.value:.3g}, expected {one.usual[0]:g} to {one.usual[1]:g}: {one.seems}"
         for one in suspicious
     )
-    return Found(moments({VALUE: [one.value for one in suspicious]}), of=len(measured), detail=detail)
+    return Faults(moments({VALUE: [one.value for one in suspicious]}), of=len(measured), detail=detail)
 
 
 def _car_length(subject: Subject) -> Iterator[_Measured]:

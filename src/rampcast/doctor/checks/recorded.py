@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rampcast.doctor.finding import Found, NotAssessed
+from rampcast.doctor.finding import Faults, NotAssessed
 from rampcast.doctor.subject import Subject
 from rampcast.formats.steps.units import FOOT, KILOMETRE_PER_HOUR, MILE_PER_HOUR
 from rampcast.recording import columns as c
@@ -19,7 +19,7 @@ SAME = 1e-3  # [m/s^2]
 UNITS = {"km/h": 1 / KILOMETRE_PER_HOUR, "miles per hour": 1 / MILE_PER_HOUR, "feet per second": 1 / FOOT}
 
 
-def recorded_speeds(subject: Subject) -> Found | NotAssessed:
+def recorded_speeds(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows whose recorded speed is more than 2 m/s off the derived one; the value is the difference."""
     compared = compared_speeds(subject)
     if isinstance(compared, NotAssessed):
@@ -31,10 +31,10 @@ def recorded_speeds(subject: Subject) -> Found | NotAssessed:
     detail = f"in the median, recorded speeds are {ratio:.2f} times the derived ones" if np.isfinite(ratio) else ""
     detail += f": the recorded ones look like {unit}" if unit else ""
     found = np.abs(off) > SPEED_LIMIT
-    return Found(subject.places(rows[found], off[found]), of=len(rows), detail=detail)
+    return Faults(subject.places(rows[found], off[found]), of=len(rows), detail=detail)
 
 
-def recorded_accelerations(subject: Subject) -> Found | NotAssessed:
+def recorded_accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows whose recorded acceleration is over 3 m/s^2 off the derived one; the value is the difference."""
     recorded = _recorded(subject, c.RECORDED_A, "acceleration")
     if isinstance(recorded, NotAssessed):
@@ -48,10 +48,10 @@ def recorded_accelerations(subject: Subject) -> Found | NotAssessed:
     derived = (x[rows + half] - 2 * x[rows] + x[rows - half]) / (half * subject.time_step) ** 2
     off = recorded[rows] - derived
     found = np.abs(off) > ACCELERATION_LIMIT
-    return Found(subject.places(rows[found], off[found]), of=len(rows))
+    return Faults(subject.places(rows[found], off[found]), of=len(rows))
 
 
-def clipped_accelerations(subject: Subject) -> Found | NotAssessed:
+def clipped_accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows whose recorded acceleration is exactly the largest or the smallest of all [m/s^2].
 
     A value that noise or a driver reaches is reached once; one that hundreds of rows share is a limit.
@@ -68,7 +68,7 @@ def clipped_accelerations(subject: Subject) -> Found | NotAssessed:
     for _, here in limits:
         found |= here
     detail = " and ".join(f"{end:.2f} m/s²" for end, _ in limits)
-    return Found(subject.places(np.flatnonzero(found), recorded[found]), of=known, detail=detail)
+    return Faults(subject.places(np.flatnonzero(found), recorded[found]), of=known, detail=detail)
 
 
 def compared_speeds(

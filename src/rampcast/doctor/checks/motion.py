@@ -4,13 +4,13 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from rampcast.doctor.finding import Found, NotAssessed
-from rampcast.doctor.row_measures import BEFORE
-from rampcast.doctor.subject import Subject, no_places
-from rampcast.doctor.summary import CLIPPED_ACCELERATION
+from rampcast.doctor.finding import Faults, NotAssessed
+from rampcast.doctor.places import no_places
+from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
+CLIPPED_ACCELERATION = 3.41  # [m/s^2] = 11.2 ft/s^2, where NGSIM clips its own v_Acc; method page, section 3
 FASTEST = 70.0  # [m/s] 252 km/h: the speed to which makers limit most fast cars is 250 km/h
 LARGEST_JERK = 15.0  # [m/s^3] Punzo, Borzacchiello and Ciuffo 2011, Transportation Research C 19, their limit for NGSIM
 BACKING = -1.0  # [m/s] faster backwards than the noise of a vehicle that stands
@@ -19,46 +19,45 @@ LONG_STAND = 60.0  # [s] a standing wave of stop-and-go traffic passes a vehicle
 STANDS = 2.0  # [m] over which a standing vehicle may seem to move
 
 
-def unsmoothable(subject: Subject) -> Found:
+def unsmoothable(subject: Subject) -> Faults:
     """Returns one if the recording cannot be smoothed, with the reason."""
-    return Found(no_places(), of=1, count=int(subject.cleaned is None), detail=subject.why_not)
+    return Faults(no_places(), of=1, count=int(subject.cleaned is None), detail=subject.why_not)
 
 
-def teleports(subject: Subject) -> Found:
+def teleports(subject: Subject) -> Faults:
     """Returns the rows that lie further than any vehicle gets from where it was going; the value is how far [m]."""
     rows = np.flatnonzero(subject.jump)
-    return Found(subject.places(rows, subject.jump[rows]), of=len(subject.step))
+    return Faults(subject.places(rows, subject.jump[rows]), of=len(subject.step))
 
 
-def speeds(subject: Subject) -> Found:
+def speeds(subject: Subject) -> Faults:
     """Returns the rows reached faster than 70 m/s, but for jumps; the value is the speed [m/s]."""
     rows = np.flatnonzero((np.abs(subject.speed) > FASTEST) & (subject.jump == 0))  # NaN is not above
-    return Found(subject.places(rows, subject.speed[rows]), of=len(subject.step))
+    return Faults(subject.places(rows, subject.speed[rows]), of=len(subject.step))
 
 
-def raw_accelerations(subject: Subject) -> Found | NotAssessed:
+def raw_accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with |a| above 8 m/s^2 before smoothing; the value is a [m/s^2]."""
     if subject.recording.is_smoothed:
         return NotAssessed("the recording is smoothed already")
-    before = subject.tracks[BEFORE].to_numpy()
-    known = int(np.count_nonzero(np.isfinite(before)))
+    known = int(np.count_nonzero(np.isfinite(subject.raw_acceleration)))
     if not known:
         return NotAssessed("no vehicle has three rows in a row")
-    rows = np.flatnonzero(np.abs(before) > IMPOSSIBLE_ACCELERATION)
-    return Found(subject.places(rows, before[rows]), of=known)
+    rows = np.flatnonzero(np.abs(subject.raw_acceleration) > IMPOSSIBLE_ACCELERATION)
+    return Faults(subject.places(rows, subject.raw_acceleration[rows]), of=known)
 
 
-def accelerations(subject: Subject) -> Found | NotAssessed:
+def accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with |a| above 8 m/s^2 after smoothing; the value is a [m/s^2]."""
     return _smoothed_accelerations(subject, above=IMPOSSIBLE_ACCELERATION)
 
 
-def hard_accelerations(subject: Subject) -> Found | NotAssessed:
+def hard_accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with |a| above 3.41 m/s^2, but not above 8, after smoothing; the value is a [m/s^2]."""
     return _smoothed_accelerations(subject, above=CLIPPED_ACCELERATION, to=IMPOSSIBLE_ACCELERATION)
 
 
-def jerks(subject: Subject) -> Found | NotAssessed:
+def jerks(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with a jerk above 15 m/s^3 after smoothing; the value is the jerk [m/s^3]."""
     if subject.cleaned is None:
         return _not_smoothed()
@@ -66,10 +65,10 @@ def jerks(subject: Subject) -> Found | NotAssessed:
     if not known:
         return NotAssessed("no vehicle has two rows in a row after smoothing")
     rows = np.flatnonzero(np.abs(subject.jerk) > LARGEST_JERK)
-    return Found(subject.smoothed_places(rows, subject.jerk[rows]), of=known)
+    return Faults(subject.smoothed_places(rows, subject.jerk[rows]), of=known)
 
 
-def backing(subject: Subject) -> Found | NotAssessed:
+def backing(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows at which a vehicle goes backwards faster than 1 m/s after smoothing; the value is v [m/s].
 
     Vehicles that go backwards all the way are another finding and are left out here.
@@ -81,24 +80,23 @@ def backing(subject: Subject) -> Found | NotAssessed:
     rows = subject.cleaned.tracks.with_row_index("row")
     backwards = rows.filter(rows[c.V] < BACKING).join(against, on=[c.RECORDING, c.VEHICLE], how="anti")
     found = np.sort(backwards["row"].to_numpy().astype(np.int64))
-    return Found(subject.smoothed_places(found, rows[c.V].to_numpy()[found]), of=rows.height)
+    return Faults(subject.smoothed_places(found, rows[c.V].to_numpy()[found]), of=rows.height)
 
 
-def against_traffic(subject: Subject) -> Found:
+def against_traffic(subject: Subject) -> Faults:
     """Returns the first rows of vehicles that end behind where they began; the value is how far they came [m]."""
     moved = _moved(subject)
     found = moved < REVERSED
-    return Found(subject.places(subject.starts[found], moved[found]), of=len(moved))
+    return Faults(subject.places(subject.starts[found], moved[found]), of=len(moved))
 
 
-def standing(subject: Subject) -> Found:
+def standing(subject: Subject) -> Faults:
     """Returns the first rows of vehicles that are seen for 60 s or more and never move; the value is how long [s]."""
     if not len(subject.starts):
-        return Found(no_places(), of=0)
+        return Faults(no_places(), of=0)
     reach = np.maximum.reduceat(subject.x, subject.starts) - np.minimum.reduceat(subject.x, subject.starts)
-    seen = (subject.frame[subject.ends] - subject.frame[subject.starts]) * subject.time_step
-    found = (reach < STANDS) & (seen >= LONG_STAND)
-    return Found(subject.places(subject.starts[found], seen[found]), of=len(reach))
+    found = (reach < STANDS) & (subject.seen >= LONG_STAND)
+    return Faults(subject.places(subject.starts[found], subject.seen[found]), of=len(reach))
 
 
 def _moved(subject: Subject) -> Float[np.ndarray, "vehicle"]:
@@ -106,12 +104,12 @@ def _moved(subject: Subject) -> Float[np.ndarray, "vehicle"]:
     return subject.x[subject.ends] - subject.x[subject.starts]
 
 
-def _smoothed_accelerations(subject: Subject, *, above: float, to: float = np.inf) -> Found | NotAssessed:
+def _smoothed_accelerations(subject: Subject, *, above: float, to: float = np.inf) -> Faults | NotAssessed:
     if subject.cleaned is None:
         return _not_smoothed()
     values = subject.cleaned.tracks[c.A].to_numpy()
     rows = np.flatnonzero((np.abs(values) > above) & (np.abs(values) <= to))
-    return Found(subject.smoothed_places(rows, values[rows]), of=len(values))
+    return Faults(subject.smoothed_places(rows, values[rows]), of=len(values))
 
 
 def _not_smoothed() -> NotAssessed:

@@ -4,9 +4,9 @@ The shares are those of what is counted. A check never spoils a forecast where l
 wrong (smoothing takes the noise of raw accelerations, recorded speeds are not used).
 """
 
-from rampcast.doctor import clock, identity, motion, ramp, reading, recorded, traffic
+from rampcast.doctor.checks import clock, identity, motion, ramp, reading, recorded, traffic
+from rampcast.doctor.checks.units import units
 from rampcast.doctor.finding import Check
-from rampcast.doctor.units import units
 
 _FILES = (
     Check(

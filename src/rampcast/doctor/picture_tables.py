@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from rampcast.doctor.finding import FINDING, PLACE_SCHEMA, Finding, Severity
+from rampcast.doctor.finding import Finding, Severity
+from rampcast.doctor.places import FINDING, PLACE_SCHEMA
 from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 

@@ -2,9 +2,10 @@
 
 import polars as pl
 
-from rampcast.doctor.finding import VALUE, Found
+from rampcast.doctor.finding import Faults
+from rampcast.doctor.places import VALUE, moments, no_places
 from rampcast.doctor.row_measures import STEP
-from rampcast.doctor.subject import Subject, moments, no_places
+from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 
 FEWEST_VEHICLES = 3  # that must jump at once: one or two may have been mistaken for another
@@ -12,7 +13,7 @@ MOST = 0.5  # share of the vehicles seen at a moment that must jump
 BRIDGING = 2  # vehicles that must be seen on both sides of a missing moment: an empty road is no fault
 
 
-def missing_moments(subject: Subject) -> Found:
+def missing_moments(subject: Subject) -> Faults:
     """Returns the frames before which frames are missing for every vehicle; the value is how many seconds."""
     frames = subject.tracks.select(c.RECORDING, c.FRAME).unique().sort(c.RECORDING, c.FRAME)
     hole = pl.col(c.FRAME).diff().over(c.RECORDING)
@@ -22,13 +23,13 @@ def missing_moments(subject: Subject) -> Found:
     found = found.sort(c.RECORDING, c.FRAME)
     seconds = (found[STEP] - 1) * subject.time_step
     places = moments({c.RECORDING: found[c.RECORDING].cast(pl.String), c.FRAME: found[c.FRAME], VALUE: seconds})
-    return Found(places, of=frames.height)
+    return Faults(places, of=frames.height)
 
 
-def clock_jumps(subject: Subject) -> Found:
+def clock_jumps(subject: Subject) -> Faults:
     """Returns the frames at which most vehicles jump together; the value is their median jump [m]."""
     if not subject.jump.any():
-        return Found(no_places(), of=subject.tracks[c.FRAME].n_unique())
+        return Faults(no_places(), of=subject.tracks[c.FRAME].n_unique())
     jumped = subject.tracks.select(c.RECORDING, c.FRAME).with_columns(
         pl.Series("jump", subject.jump), pl.Series("known", (subject.step > 0) & (subject.step <= subject.longest))
     )
@@ -42,4 +43,4 @@ def clock_jumps(subject: Subject) -> Found:
     found = together.filter(pl.col("jumping") >= FEWEST_VEHICLES, pl.col("jumping") > MOST * pl.col("seen"))
     found = found.sort(c.RECORDING, c.FRAME)
     places = moments({c.RECORDING: found[c.RECORDING].cast(pl.String), c.FRAME: found[c.FRAME], VALUE: found["value"]})
-    return Found(places, of=subject.tracks[c.FRAME].n_unique())
+    return Faults(places, of=subject.tracks[c.FRAME].n_unique())

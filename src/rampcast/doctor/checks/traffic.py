@@ -3,22 +3,20 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rampcast.doctor.finding import Found, NotAssessed
-from rampcast.doctor.row_measures import DEPTH
+from rampcast.doctor.finding import Faults, NotAssessed
 from rampcast.doctor.subject import Subject
 from rampcast.sites.site import LANE_WIDTH, NO_LANE, Site
 
 FLICKER = 2.0  # [s] one lane change takes several seconds, so nobody changes there and back in two
 
 
-def overlaps(subject: Subject) -> Found:
+def overlaps(subject: Subject) -> Faults:
     """Returns the rows whose front is ahead of the rear of the leader in the lane; the value is by how much [m]."""
-    depth = subject.tracks[DEPTH].to_numpy()
-    rows = np.flatnonzero((depth > 0) & (subject.lane != NO_LANE))  # beside the lanes nobody has a leader
-    return Found(subject.places(rows, depth[rows]), of=len(depth))
+    rows = np.flatnonzero(subject.overlap)
+    return Faults(subject.places(rows, subject.overlap[rows]), of=len(subject.overlap))
 
 
-def lane_flicker(subject: Subject) -> Found:
+def lane_flicker(subject: Subject) -> Faults:
     """Returns the rows at which a vehicle gets a lane that it loses again within 2 s; the value is how long [s]."""
     changed = (subject.step > 0) & (np.diff(subject.lane, prepend=0) != 0)
     begins = np.flatnonzero(changed | (subject.step == 0))
@@ -27,10 +25,10 @@ def lane_flicker(subject: Subject) -> Found:
     comes_back = (track[:-2] == track[2:]) & (lane[:-2] == lane[2:])
     flickers = comes_back & (stays <= FLICKER)
     rows = begins[1:-1][flickers]
-    return Found(subject.places(rows, stays[flickers]), of=int(changed.sum()))
+    return Faults(subject.places(rows, stays[flickers]), of=int(changed.sum()))
 
 
-def lanes_against_positions(subject: Subject) -> Found | NotAssessed:
+def lanes_against_positions(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows that lie more than a lane's width from the centre of their lane; the value is how far [m]."""
     if not subject.has_lateral:
         return NotAssessed("the recording has no lateral positions")
@@ -40,14 +38,14 @@ def lanes_against_positions(subject: Subject) -> Found | NotAssessed:
         return NotAssessed("no row is in a lane that the site knows")
     off = np.where(known & _beside_main_lanes(subject), subject.y - centre, 0.0)
     rows = np.flatnonzero(np.abs(off) > lane_width(subject.recording.site))
-    return Found(subject.places(rows, off[rows]), of=int(known.sum()))
+    return Faults(subject.places(rows, off[rows]), of=int(known.sum()))
 
 
-def off_lanes(subject: Subject) -> Found:
+def off_lanes(subject: Subject) -> Faults:
     """Returns the rows that are in none of the site's lanes; the value is the lane's number."""
     known = [lane.number for lane in subject.recording.site.lanes if lane.number != NO_LANE]
     rows = np.flatnonzero(~np.isin(subject.lane, known))
-    return Found(subject.places(rows, subject.lane[rows]), of=len(subject.lane))
+    return Faults(subject.places(rows, subject.lane[rows]), of=len(subject.lane))
 
 
 def lane_width(site: Site) -> float:
