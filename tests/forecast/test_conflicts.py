@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rampcast.forecast.conflicts import NOBODY, conflicts
+from rampcast.forecast.conflicts import conflicts
 
 STEPS = 20
 TIME = 0.2 * np.arange(1, STEPS + 1)
@@ -19,8 +19,8 @@ def found(x, *, rear=None, front=None, merge_step=None, length=5.0):
     count = x.shape[1]
     return conflicts(
         x,
-        leader_rear=np.full_like(x, 10 * NOBODY) if rear is None else rear,
-        follower_front=np.full_like(x, -10 * NOBODY) if front is None else front,
+        leader_rear=np.full_like(x, np.nan) if rear is None else rear,
+        follower_front=np.full_like(x, np.nan) if front is None else front,
         length=np.array([length]),
         merge_step=np.full((1, count), NEVER) if merge_step is None else np.array([merge_step]),
     )
@@ -50,7 +50,7 @@ def test_deceleration_counts_from_the_step_in_which_it_rises_above_3():
 def test_a_conflict_that_has_passed_has_still_been():
     x = at_speed(10.0)
     rear = at_speed(5.0, start=11.0)
-    rear[0, 0, 5:] = 10 * NOBODY  # the leader leaves the lane after 1 s
+    rear[0, 0, 5:] = np.nan  # the leader leaves the lane after 1 s
     np.testing.assert_array_equal(found(x, rear=rear).time_to_collision[0], np.ones(STEPS))
 
 
@@ -75,7 +75,7 @@ def test_a_new_leader_at_the_merge_has_its_own_speed():
 def test_after_the_merge_the_vehicle_behind_counts_too():
     """It merges at 1 s; behind it one comes at 15 m/s, 20.1 m behind at first: 20.1 - 5 t below 15 m from 1.02 s on."""
     x, front = at_speed(10.0), at_speed(15.0, start=-25.1)
-    behind = found(x, front=np.where(TIME > 0.9, front, -10 * NOBODY), merge_step=[4])
+    behind = found(x, front=np.where(TIME > 0.9, front, np.nan), merge_step=[4])
     np.testing.assert_array_equal(behind.time_to_collision[0], TIME > 1.01)
 
 
@@ -92,7 +92,7 @@ def test_encroachment_ahead_is_the_time_since_the_leader_was_there(gap, expected
 def test_encroachment_behind_is_the_time_until_the_follower_is_there(gap, expected, step):
     """Its front is gap + 5 m (the length) behind; also where it would be there after the last step only."""
     x, front = at_speed(10.0), at_speed(10.0, start=-5.0 - gap)
-    front[0, 0, :step] = -10 * NOBODY
+    front[0, 0, :step] = np.nan
     assert found(x, front=front, merge_step=[step]).encroachment[0] == expected
 
 
@@ -104,7 +104,7 @@ def test_probabilities_are_shares_of_the_samples_and_never_fall():
     some = conflicts(
         x,
         leader_rear=np.maximum(rear, x),
-        follower_front=np.full_like(x, -10 * NOBODY),
+        follower_front=np.full_like(x, np.nan),
         length=np.full(70, 4.5),
         merge_step=chance.integers(0, STEPS + 1, (70, 30)),
     )

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.models.merge_features import merge_columns, merge_table, target_gaps, time_with_room
+from rampcast.models.merge_features import merge_columns, merge_table, platoon_table, target_gaps, time_with_room
 from rampcast.traffic.merge_scenes import BEHIND
 from tests.forecast.merges_made_up import LENGTH, merges
+from tests.models.platoons_made_up import drive
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +47,14 @@ def test_an_empty_lane_has_no_gaps_and_infinite_ends_are_missing(scenes):
     found = merge_columns(replace(scenes, target=empty, to_end=np.full(len(scenes), np.inf)))
     assert np.isnan(found).any()
     assert not np.isinf(found).any()
+
+
+def test_the_traffic_around_is_told_by_how_much_faster_it_is_and_where_nothing_is_known_nothing_is_told():
+    platoons = drive(4, seed=1).platoons
+    unknown = platoon_table(platoons)
+    speeds = np.array([[3.0, np.nan, 9.0, 1.0, 2.0, 4.0, 5.0], [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0]])
+    told = platoon_table(replace(platoons, traffic=np.broadcast_to(speeds, (4, *speeds.shape))))
+    count = speeds.size
+    assert np.isnan(unknown[:, -count:]).all()
+    np.testing.assert_array_equal(told[:, :-count], unknown[:, :-count])
+    np.testing.assert_allclose(told[:, -count:], speeds.ravel() - platoons.v[:, :1, -1])

@@ -24,7 +24,7 @@ from rampcast.benchmark.merge_metrics import (
 )
 from rampcast.benchmark.merges import BASE_RATE, MERGE_REFERENCE, MergeForecasts
 from rampcast.benchmark.metrics import bootstrap_mean, bootstrap_ratio, group_draws, interval
-from rampcast.evaluate.positions import STEPS_PER_SECOND
+from rampcast.horizon import STEPS_PER_SECOND
 
 SECONDS = range(1, round(HORIZON) + 1)
 TIME_COLUMNS = (

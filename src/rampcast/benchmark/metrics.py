@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.models import LEVELS, ORACLE, REFERENCE, Forecasts
-from rampcast.evaluate.positions import FAR, NEAR, STEPS_PER_SECOND
+from rampcast.evaluate.positions import FAR, NEAR
+from rampcast.horizon import STEPS_PER_SECOND
 
 DEPTHS = (0, 1, 2, 3, 4)  # "at least so many leaders known at t = 0"; 0 is all cases
 DRAWS = 1000  # of a bootstrap

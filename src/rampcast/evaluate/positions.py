@@ -4,10 +4,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float
 
-from rampcast.horizon import STEP
+from rampcast.horizon import STEPS_PER_SECOND
 
 NEAR, FAR = 5.0, 10.0  # [m] the paper counts forecasts within these
-STEPS_PER_SECOND = round(1.0 / STEP)
 
 
 def position_errors(

@@ -23,7 +23,6 @@ from rampcast.physics.safety import (
 )
 
 BLOCKS = (8, 64)  # rows that programs are compiled for: 64 x 100 samples x 75 steps are a few MB an array
-NOBODY = 1e5  # [m]; who is farther away than this is not there
 SLOW = 1e-3  # [m/s]; who is slower stands
 LOOK_ON = round(LEAST_POST_ENCROACHMENT / STEP) + 1  # steps after the last in which a follower goes on at its speed
 
@@ -56,9 +55,9 @@ def conflicts(
 
     Args:
         x: displacement of the central vehicle at 0.2, 0.4 ... s [m].
-        leader_rear: rear of its leader then, from the same origin [m]; `NOBODY` or farther where there is none.
-        follower_front: front of the vehicle behind it in the target lane once it has merged [m]; below -`NOBODY`
-            before, or where there is none.
+        leader_rear: rear of its leader then, from the same origin [m]; NaN where there is none.
+        follower_front: front of the vehicle behind it in the target lane once it has merged [m]; NaN before, or where
+            there is none.
         length: of the central vehicle [m].
         merge_step: step in which it merges; the number of steps where it does not.
     """
@@ -80,7 +79,7 @@ def _shares(
     changed = jnp.arange(x.shape[2]) == merge_step[:, :, None]  # the leader is another from this step on
     speed = jnp.diff(x, axis=2, prepend=jnp.zeros_like(x[..., :1])) / STEP
     leader, follower = (_speeds_of_others(place, changed, speed[..., -1:]) for place in (rear, front))
-    led, followed = rear < NOBODY, front > -NOBODY
+    led, followed = ~jnp.isnan(rear), ~jnp.isnan(front)
     near, hard = _beyond(rear - x, speed, leader, led)
     near_behind, hard_behind = _beyond(own_rear - front, follower, speed, followed)
     merged = merge_step < x.shape[2]
@@ -99,7 +98,7 @@ def _speeds_of_others(
     speed = jnp.diff(place, axis=2) / STEP
     before = jnp.concatenate([speed[..., :1], speed], axis=2)  # of the place at t = 0 nothing is known
     after = jnp.concatenate([speed, own], axis=2)
-    return jnp.maximum(jnp.where(changed | (before < 0.0), after, before), 0.0)
+    return jnp.maximum(jnp.where(changed | ~(before >= 0.0), after, before), 0.0)
 
 
 def _beyond(

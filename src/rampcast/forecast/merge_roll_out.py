@@ -2,7 +2,7 @@
 
 Every vehicle of the ramp lane and of the target lane follows whoever is ahead of it in its lane by then, with a driver
 drawn from its own posterior and a residual acceleration of its own, as in `platoon_roll_out`. A vehicle on the ramp
-brakes for the end of its lane, and changes lane when its hazard (`models.merge_hazard`) has added up to a threshold
+brakes for the end of its lane, and changes lane when its hazard (`models.merging`) has added up to a threshold
 drawn beforehand; never into a vehicle. From then on it has the leader that is there, and the vehicle behind follows
 it. So time, place and gap of the merge and the places of all vehicles come from the same samples.
 """
@@ -52,8 +52,8 @@ class MergeSamples(NamedTuple):
 
     Attributes:
         x: displacement of the central vehicle.
-        leader_rear: rear of the vehicle that is its leader then; `FAR` where there is none.
-        follower_front: front of the vehicle behind it in the target lane once it has merged; -`FAR` before, or where
+        leader_rear: rear of the vehicle that is its leader then; NaN where there is none.
+        follower_front: front of the vehicle behind it in the target lane once it has merged; NaN before, or where
             there is none.
         merge_step: step at which it changes lane; `FUTURE` where it does not.
         gap: vehicles of the target lane that were ahead at t = 0 and are behind at the merge, less those the other way.
@@ -104,6 +104,7 @@ def sample_merges(
     """
     rate = np.ones((len(scenes), FUTURE)) if rate is None else rate
     x, rear, front, merged, gap, chance = _driven(model, scenes, merging, rate, samples=samples, seed=seed)
+    rear, front = (np.where(np.abs(place) < FAR / 2.0, place, np.nan) for place in (rear, front))
     return MergeSamples(x, rear, front, merged.astype(np.int64), gap.astype(np.int64), chance)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float, Shaped
 from scipy.ndimage import uniform_filter1d
 
-from rampcast.forecast.platoon_roll_out import FAR, RollOut, Samples, fit_roll_out, sample_platoons
+from rampcast.forecast.platoon_roll_out import RollOut, Samples, fit_roll_out, sample_platoons
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction, over_time
 from rampcast.models.drivers import posteriors
 from rampcast.models.folds import time_folds
-from rampcast.models.platoon_features import features, regimes
+from rampcast.models.merge_features import platoon_table, regimes
 from rampcast.models.pooled_driver import roll_chain
 from rampcast.traffic.platoons import HISTORY, PLACES, Platoons
 
@@ -49,7 +49,7 @@ class PlatoonForecast:
     Attributes:
         samples: displacements [m]; none reverses, or overlaps the leader's sample.
         leader_samples: front of the leader in the same samples, counted from the central vehicle's place at t = 0 [m];
-            `platoon_roll_out.FAR` where there is none.
+            NaN where there is none.
         mean: displacement [m].
         quantiles: at `correction.LEVELS` [m].
     """
@@ -109,7 +109,7 @@ class PlatoonForecaster:
         quantiles = over_time(self.correction.quantiles(rolled), np.median(samples.x, axis=1))
         limit = np.maximum(self.roll_out.limit, np.where(platoons.valid[:, 0], platoons.v[:, 0], 0.0).max(axis=1))
         x = mapped(samples.x, quantiles, limit)
-        return PlatoonForecast(x, moved_along(samples.leader_x, x - samples.x), x.mean(axis=1), quantiles)
+        return PlatoonForecast(x, samples.leader_x + (x - samples.x), x.mean(axis=1), quantiles)
 
 
 def fit_platoon_forecaster(
@@ -156,19 +156,12 @@ def _rolled(model: PlatoonForecaster, platoons: Platoons, samples: Samples) -> R
     low, high = np.quantile(at_knots, SPREAD, axis=1)
     chain = roll_chain(model.roll_out.prior.centre, platoons, leaders=PLACES - 1)
     return Rolled(
-        features=features(platoons),
+        features=platoon_table(platoons),
         chains=chain[:, KNOTS, None],
         median=np.median(at_knots, axis=1).astype(float),
         spread=(high - low).astype(float),
         regime=regimes(platoons),
     )
-
-
-def moved_along(
-    others: Float[np.ndarray, "platoon sample step"], shift: Float[np.ndarray, "platoon sample step"]
-) -> Float[np.ndarray, "platoon sample step"]:
-    """Returns the places of leaders or followers moved with the vehicle [m], so that gaps and relative speeds stay."""
-    return np.where(np.abs(others) < FAR / 2.0, others + shift, others)
 
 
 def mapped(

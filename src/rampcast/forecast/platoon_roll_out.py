@@ -50,7 +50,7 @@ class Samples(NamedTuple):
 
     Attributes:
         x: displacement of the central vehicle [m].
-        leader_x: front of its leader, counted from the same place [m]; `FAR` where there is none.
+        leader_x: front of its leader, counted from the same place [m]; NaN where there is none.
     """
 
     x: Float[np.ndarray, "platoon sample step"]
@@ -110,6 +110,7 @@ def sample_platoons(
             program = partial(_sampled, numbers, jnp.asarray(model.prior.drivers, jnp.float32), numbers_of(model))
             for all_rows, values in zip(found, over_blocks(program, states, sizes=BLOCKS), strict=True):
                 all_rows[rows] = values
+    found.leader_x[~platoons.present[:, 1]] = np.nan
     return found
 
 

@@ -18,16 +18,14 @@ from rampcast.forecast.platoon_forecaster import (
     PlatoonForecasterSpec,
     fit_platoon_forecaster,
     mapped,
-    moved_along,
 )
-from rampcast.forecast.platoon_roll_out import FAR, fit_roll_out
+from rampcast.forecast.platoon_roll_out import fit_roll_out
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, Rolled, fit_correction, over_time
 from rampcast.models.folds import time_folds
-from rampcast.models.merge_features import merge_columns, merge_table
+from rampcast.models.merge_features import merge_columns, merge_table, regimes
 from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
 from rampcast.models.merging import NEVER, fit_merge_hazard, merge_zone
-from rampcast.models.platoon_features import regimes
 from rampcast.models.pooled_driver import roll_chain
 from rampcast.traffic.merge_scenes import AHEAD, BEHIND, MergeScenes
 from rampcast.traffic.platoons import HISTORY, known_lengths
@@ -52,8 +50,8 @@ class SceneForecast:
 
     Attributes:
         samples: displacements; none reverses, or overlaps the leader's sample.
-        leader_rear: rear of the vehicle that is its leader then; `platoon_roll_out.FAR` where there is none.
-        follower_front: front of the vehicle behind it in the target lane once it has merged; -`FAR` before, or where
+        leader_rear: rear of the vehicle that is its leader then; NaN where there is none.
+        follower_front: front of the vehicle behind it in the target lane once it has merged; NaN before, or where
             there is none.
         length: of the vehicle itself.
         merge_step: step in which it changes lane, 0 for the first 0.2 s; `FUTURE` where it does not within 15 s.
@@ -198,10 +196,8 @@ class SceneForecaster:
         length = known_lengths(scenes.own)
         return SceneForecast(
             samples=found.samples,
-            leader_rear=np.where(
-                scenes.own.present[:, 1, None, None], found.leader_samples - length[:, 1, None, None], FAR
-            ).astype(np.float32),
-            follower_front=np.full_like(found.samples, -FAR),
+            leader_rear=(found.leader_samples - length[:, 1, None, None]).astype(np.float32),
+            follower_front=np.full_like(found.samples, np.nan),
             length=length[:, 0],
             merge_step=never,
             gap=np.zeros_like(never),
@@ -373,8 +369,8 @@ def _forecast(
     shift = x - drawn.x
     return SceneForecast(
         samples=x,
-        leader_rear=moved_along(drawn.leader_rear, shift),
-        follower_front=moved_along(drawn.follower_front, shift),
+        leader_rear=drawn.leader_rear + shift,
+        follower_front=drawn.follower_front + shift,
         length=known_lengths(scenes.own)[:, 0],
         merge_step=drawn.merge_step,
         gap=drawn.gap,

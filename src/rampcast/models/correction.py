@@ -21,7 +21,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from rampcast.models.folds import Fold
-from rampcast.models.platoon_features import Regime
+from rampcast.models.merge_features import Regime
 from rampcast.models.ranked_line import fit_ranked_line
 
 Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Any]  # of a model that can predict
@@ -64,7 +64,7 @@ class Rolled:
         features: at t = 0.
         chains: displacements that simpler roll-outs give at the knots [m].
         median, spread: of the samples at the knots [m].
-        regime: see `platoon_features.Regime`.
+        regime: see `merge_features.Regime`.
     """
 
     features: Float[np.ndarray, "row feature"]

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rampcast.horizon import STEP
+from rampcast.horizon import STEP, STEPS_PER_SECOND, WHOLE_SECONDS
 from rampcast.traffic.platoons import Platoons
 
 KEPT = 1e4  # [s]; a relaxation by which a speed is kept
 RELAXATIONS = (5.0, 10.0, 20.0, 40.0)  # [s] that are tried
-SCORED_STEPS = slice(4, None, 5)  # whole seconds
 WORTH = 0.95  # of the error when keeping its speed: what returning must reach, or it holds in these minutes only
 LEAST_CASES = 20  # fewer say more of themselves than of traffic: the head keeps its speed then
 
@@ -54,7 +53,7 @@ def fit_head(
     case = np.arange(len(platoons))
     speed = np.maximum(platoons.v[case, place, -1], 0.0)
     ahead = np.where(led, platoons.x[:, 1, -1] - platoons.x[:, 0, -1], 0.0)
-    moved = np.where(led[:, None], leader_truth - ahead[:, None], truth)[:, SCORED_STEPS]
+    moved = np.where(led[:, None], leader_truth - ahead[:, None], truth)[:, WHOLE_SECONDS]
     if np.isfinite(moved).any(axis=1).sum() < LEAST_CASES:
         return Head()
     around = mean_speed(platoons)
@@ -70,7 +69,7 @@ def _given(
     moved: Float[np.ndarray, "case second"],
 ) -> tuple[float, Head]:
     """Returns the mean error of a relaxation, and the head that it makes."""
-    time = STEP * (1 + np.arange(SCORED_STEPS.start, SCORED_STEPS.start + 5 * moved.shape[1], 5))
+    time = STEP * (1 + np.arange(STEPS_PER_SECOND * moved.shape[1])[WHOLE_SECONDS])
     kept = relaxation * (1.0 - np.exp(-time / relaxation))
     seen = np.isfinite(moved)
     forecast = speed[:, None] * kept + around[:, None] * (time - kept)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
 from rampcast.compute import jax, jnp, over_blocks
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
 from rampcast.physics import idm
 from rampcast.physics.gap import net_gap
 from rampcast.traffic.platoons import Platoons, known_lengths
@@ -17,7 +17,6 @@ from rampcast.traffic.platoons import Platoons, known_lengths
 START = (2.0, 1.2, 1.0, 2.0, 20.0, 4.0)  # about the values of Treiber, Hennecke and Helbing 2000
 LEAST_CASES = 20  # a fit to fewer says more of them than of drivers: `START` is taken then
 MOST_CASES = 1500  # six parameters need no more, and the time of a fit grows with them
-SCORED_STEPS = slice(4, None, 5)  # the fit looks at whole seconds, as the scores do
 TYPICAL_ERROR = 1.0  # [m]; beyond it a residual counts by its size, not by its square
 
 
@@ -181,11 +180,12 @@ def _least_squares(
     truth: Float[np.ndarray, "platoon step"],
     seen: Bool[np.ndarray, "platoon step"],
 ) -> Float[np.ndarray, "param"]:
-    seen, truth = seen[:, SCORED_STEPS], np.where(seen, truth, 0.0)[:, SCORED_STEPS]
+    # at whole seconds, as the scores are
+    seen, truth = seen[:, WHOLE_SECONDS], np.where(seen, truth, 0.0)[:, WHOLE_SECONDS]
 
     @jax.jit
     def residual(parameters: Array) -> Array:
-        return jnp.where(seen, displacements(parameters)[:, SCORED_STEPS] - truth, 0.0).ravel()
+        return jnp.where(seen, displacements(parameters)[:, WHOLE_SECONDS] - truth, 0.0).ravel()
 
     slope = jax.jit(jax.jacfwd(residual))
     low, high = np.array([(bound.low, bound.high) for bound in idm.NET_BOUNDS]).T

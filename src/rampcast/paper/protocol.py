@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from rampcast.errors import RecordingError
 from rampcast.forecast.scene_forecaster import SceneForecaster
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.paper.errors import central_errors, neighbour_errors
 from rampcast.paper.examples import example_scenes
 from rampcast.paper.framework import READINGS, Forecaster, window_hashes
@@ -17,7 +17,6 @@ from rampcast.paper.lane_change.forests import importance_table, training_table
 from rampcast.paper.lane_change.scores import lane_change_scores, lane_change_table
 from rampcast.paper.lane_change.sets import (
     KINDS,
-    STEPS_PER_SECOND,
     TIMES,
     Anchors,
     Reading,

@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 
 from rampcast.forecast.conflicts import Conflicts, conflicts
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecast
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.paper.calibration.calibration import Calibration
-from rampcast.paper.lane_change.sets import STEPS_PER_SECOND, TIMES
+from rampcast.paper.lane_change.sets import TIMES
 from rampcast.paper.neighbours.predict import NeighbourForecast
 
 OWN = "rampcast"  # the model that forecasts scenes as a whole

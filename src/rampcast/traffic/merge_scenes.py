@@ -13,6 +13,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.traffic.neighbours import NONE, find_neighbours
 from rampcast.traffic.platoons import (
+    CAR,
     HISTORY,
     Platoons,
     Tracks,
@@ -85,7 +86,7 @@ def nobody(count: int) -> Platoons:
         a=states,
         valid=np.zeros(states.shape, dtype=bool),
         length=states[..., 0],
-        kind=np.full((count, TARGET_PLACES), c.KINDS.index("car")),
+        kind=np.full((count, TARGET_PLACES), CAR),
         traffic=no_traffic(count),
     )
 

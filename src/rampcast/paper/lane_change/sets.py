@@ -17,13 +17,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rampcast.horizon import STEP
+from rampcast.horizon import STEP, STEPS_PER_SECOND
 from rampcast.paper.lane_change.features import lane_change_features
 from rampcast.paper.scenes.scenes import CENTRAL, Scenes
 
 KINDS: Final = ("within", "at")
 TIMES: Final = tuple(range(16))  # [s]; 0 to 15, for 32 classifiers (the paper also says 0 to 16)
-STEPS_PER_SECOND: Final = round(1.0 / STEP)
 
 
 class Reading(StrEnum):
