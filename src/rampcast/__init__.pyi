@@ -1,5 +1,6 @@
 from .benchmark import benchmark as benchmark
 from .errors import RampcastError as RampcastError
+from .formats import read as read
 from .plots import plot as plot
 from .recording import Recording as Recording
 from .recording import clean as clean

@@ -1,7 +1,7 @@
 """Formats: files of others to `Recording`. Units, axes and reference points are converted here and nowhere else."""
 
 from rampcast.formats.format import Format, Needs, table_of
-from rampcast.formats.reading import convert_all, read_all, read_any, why_not
+from rampcast.formats.reading import convert_all, read, read_all, read_any, why_not
 from rampcast.formats.registry import FORMATS, all_formats
 from rampcast.recording.reading import BadRow, BadRows, ReadReport
 
@@ -14,6 +14,7 @@ __all__ = [
     "ReadReport",
     "all_formats",
     "convert_all",
+    "read",
     "read_all",
     "read_any",
     "table_of",

@@ -2,8 +2,11 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from rampcast.arguments import chosen, expected
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, Source, heads_of, look
 from rampcast.formats.format import Format, Recordings
@@ -12,9 +15,52 @@ from rampcast.formats.readers.plain.plain import read_mapped
 from rampcast.formats.registry import all_formats, format_named
 from rampcast.recording import Recording, write_recordings
 from rampcast.recording.reading import BadRows, ReadReport
-from rampcast.sites import Site
+from rampcast.roads.ramp import road_named
+from rampcast.sites import Site, site_of
 
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
+
+
+def read(
+    source: Source,
+    *,
+    site: Site | str | Path | None = None,
+    road: str | None = None,
+    format: str | None = None,
+    mapping: str | Path | None = None,
+    bad_rows: BadRows | str = BadRows.RAISE,
+) -> Recording:
+    """Returns the recording in files or frames; what reading found is its `report`.
+
+    Args:
+        source: paths of files, or polars or pandas frames; one or a list, of one format and one place.
+        site: the geometry, by itself, its name or its file's path; None tells it by the content, or drafts it.
+        road: which of several roads, by the end of its site's name; None where there is one.
+        format: name of the format, as `rampcast formats` lists them; None tells it by the content.
+        mapping: path of a TOML file that says what the columns of a foreign table are; None where they are known.
+        bad_rows: "raise" makes a row that is not as it should be an error, "skip" skips and counts it.
+
+    Raises:
+        RampcastError: a file or frame is not there or not as it should be, or an argument is not.
+    """
+    options: dict[str, Any] = {
+        "site": None if site is None else site_of(site),
+        "format": None if format is None else expected(str, format, name="format", advice="the name of a format"),
+        "mapping": None if mapping is None else _path(mapping),
+        "bad_rows": chosen(BadRows, bad_rows, name="bad_rows"),
+    }
+    if road is None:
+        recording, report = read_any(source, **options)
+    else:
+        recordings, report = read_all(source, **options)
+        recording = road_named(recordings, road)
+    return replace(recording, report=report)
+
+
+def _path(mapping: object) -> Path:
+    if isinstance(mapping, str | Path):
+        return Path(mapping)
+    raise FormatError(f"mapping: expected the path of a TOML file, got {mapping!r:.100}")
 
 
 def read_all(
@@ -70,7 +116,7 @@ def read_any(
         names = ", ".join(f"{one.site.name} ({one.tracks.height:,} rows)" for one in recordings)
         raise FormatError(
             f"{', '.join(report.files)}: there are {len(recordings)} roads in it: {names}. `rampcast convert` writes a "
-            "recording of each; or choose one with --site, a site file that `rampcast site` writes"
+            "recording of each; or choose one with --site, a site file that `rampcast site` writes (rc.read: road=)"
         )
     return recordings[0], report
 

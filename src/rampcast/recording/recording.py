@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from rampcast.files import write_whole
 from rampcast.notebook import html_table
 from rampcast.recording import columns as c
 from rampcast.recording.parquet import read_head, read_table
+from rampcast.recording.reading import ReadReport
 from rampcast.sites.site import Site, site_from_dict, site_to_dict
 
 KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
@@ -32,12 +33,14 @@ class Recording:
         site: the geometry.
         time_step: time between two frames [s]; the time of a row is frame * time_step.
         source: where it came from, e.g. "ngsim" or "simulated".
+        report: what reading found, of a recording that `rc.read` returned; None of any other.
     """
 
     tracks: pl.DataFrame
     site: Site
     time_step: float
     source: str
+    report: ReadReport | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         missing = [name for name in c.SCHEMA if name not in self.tracks.columns]
@@ -92,7 +95,7 @@ def concatenate(recordings: Sequence[Recording]) -> Recording:
         raise RecordingError(f"the windows {twice} are given twice; give each recording once")
     tracks = pl.concat([recording.tracks for recording in recordings], how="diagonal").sort(KEY)
     sources = sorted({recording.source for recording in recordings})
-    return replace(first, tracks=tracks, source="+".join(sources))
+    return replace(first, tracks=tracks, source="+".join(sources), report=None)
 
 
 def write_recording(recording: Recording, path: Path) -> None:

@@ -27,7 +27,7 @@ def read_typed(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows
             raise FormatError(f"{head.name}: {missing(column, head.names)}")
         if place is not None:
             chosen[head.names[place]] = column
-    raw = read_table(head.path, list(chosen)) if head.table is None else head.table.select(chosen)
+    raw = read_table(head.path, list(chosen)) if head.table is None else head.table.select(list(chosen))
     raw = raw.with_row_index(ROW, 1)
     keys = [name for name, column in chosen.items() if column.is_key]
     raw = raw.drop_nulls(keys) if keys else raw
