@@ -10,8 +10,8 @@ import os
 import time
 from pathlib import Path
 
-from rampcast.doctor import Diagnosis, Finding, examine
-from rampcast.doctor.page import write_diagnoses
+from rampcast.doctor import Finding, RoadDiagnosis, doctor
+from rampcast.doctor.page import write_diagnosis
 from rampcast.errors import RampcastError
 from rampcast.formats import BadRows, read_all
 
@@ -34,7 +34,7 @@ def main() -> None:
     show_table(found)
 
 
-def examined(path: Path, out: Path | None) -> Diagnosis | None:
+def examined(path: Path, out: Path | None) -> RoadDiagnosis | None:
     """Returns the diagnosis of a file after printing it; None where it is no recording."""
     mapping = MAPPINGS / f"{path.stem}.toml"
     start = time.perf_counter()
@@ -44,24 +44,25 @@ def examined(path: Path, out: Path | None) -> Diagnosis | None:
         print(f"\n{path.name}: {error}")
         return None
     read = time.perf_counter() - start
-    (diagnosis,) = (examine(recording, report) for recording in recordings)
+    whole = doctor(recordings, report)
+    (diagnosis,) = whole.roads
     seconds = time.perf_counter() - start - read
     verdict = "would spoil a forecast" if diagnosis.spoils else "would not spoil a forecast"
     print(f"\n{path.name}: {diagnosis.rows:,} rows, {diagnosis.vehicles:,} vehicles: {verdict}")
     print(f"  read in {read:.2f} s, examined in {seconds:.2f} s")
     for finding in diagnosis.findings:
-        detail = f" ({finding.found.detail})" if finding.found.detail else ""
+        detail = f" ({finding.detail})" if finding.detail else ""
         print(f"  {finding.severity.value}: {finding.check.name} {cell(finding)}{detail}")
         print(f"    e.g. {finding.example()}")
     for one in diagnosis.distributions:
         shares = ", ".join(f"beyond {limit:g}: {share:.2%}" for limit, share in one.beyond.items())
         print(f"  {one.quantity} {one.stage}: {shares}")
     if out is not None:
-        write_diagnoses([diagnosis], out / path.stem, report=report)
+        write_diagnosis(whole, out / path.stem)
     return diagnosis
 
 
-def show_table(found: dict[str, Diagnosis]) -> None:
+def show_table(found: dict[str, RoadDiagnosis]) -> None:
     """Prints one row a finding and one column a file, as Markdown."""
     names = list(dict.fromkeys(finding.check.name for one in found.values() for finding in one.findings))
     print("\n| finding | " + " | ".join(found) + " |")
@@ -71,17 +72,17 @@ def show_table(found: dict[str, Diagnosis]) -> None:
         print(f"| {name} | " + " | ".join(cells) + " |")
 
 
-def cell_of(diagnosis: Diagnosis, name: str) -> str:
+def cell_of(diagnosis: RoadDiagnosis, name: str) -> str:
     """Returns what a diagnosis says of a check: a count, nothing found, or not assessed."""
     finding = diagnosis.finding(name)
     if finding is not None:
         return cell(finding)
-    return "n/a" if any(one.check.name == name for one in diagnosis.unassessed) else "–"
+    return "n/a" if any(check.name == name for check in diagnosis.unassessed) else "–"
 
 
 def cell(finding: Finding) -> str:
     """Returns count, what is counted, and share."""
-    return f"{finding.count:,} of {finding.found.of:,} {finding.check.counted} ({finding.share:.2%})"
+    return f"{finding.count:,} of {finding.of:,} {finding.check.counted} ({finding.share:.2%})"
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.doctor import CHECKS, Check, Diagnosis, examine
+from rampcast.doctor import CHECKS, Check, RoadDiagnosis, examine
 from rampcast.doctor import figures as doctor_figures
 from rampcast.formats import read_any
 from rampcast.plots import style
@@ -29,7 +29,7 @@ def main() -> None:
     """Draws the pictures and fills in the table."""
     diagnosis = examine(faulty())
     for one in diagnosis.findings:
-        print(f"{one.severity.value}: {one.check.name} {one.count:,} of {one.found.of:,} {one.check.counted}")
+        print(f"{one.severity.value}: {one.check.name} {one.count:,} of {one.of:,} {one.check.counted}")
     draw(diagnosis)
     text = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(with_table(text), encoding="utf-8")
@@ -55,7 +55,7 @@ def faulty() -> Recording:
     return replace(recording, tracks=pl.concat([tracks, ghost]).sort(c.RECORDING, c.VEHICLE, c.FRAME))
 
 
-def draw(diagnosis: Diagnosis) -> None:
+def draw(diagnosis: RoadDiagnosis) -> None:
     """Draws tracks, timeline and accelerations into docs/images."""
     tables = diagnosis.pictures
     tracks = style.figure_of(doctor_figures.faulty_tracks(tables["tracks"], tables["marks"]))

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.doctor import CHECKS, Severity, examine, examine_all, spoils, to_dict
+from rampcast.doctor import CHECKS, Severity, doctor, examine
 from rampcast.doctor.jumps import BESIDE, NOISE, jumps
 from rampcast.formats import ReadReport, read_any
 from rampcast.recording import clean, concatenate, read_recording
@@ -18,7 +18,7 @@ from tests.made_up_traffic import random_traffic
 
 
 def reasons(recording, report=None):
-    return {one.check.name: one.reason for one in examine(recording, report).unassessed}
+    return {check.name: reason for check, reason in examine(recording, report).unassessed.items()}
 
 
 def test_checks_are_named_once_and_say_what_counts_what_to_do_and_why():
@@ -36,19 +36,34 @@ def test_what_reading_counted_in_files_of_two_roads_is_said_once_and_spoils_neit
     report = ReadReport(
         ("f",), ("csv",), rows_read=3 * rows, rows_skipped=5, duplicates=rows, conflicting_duplicates=rows
     )
-    diagnoses, in_files = examine_all((one, other), report)
-    assert {finding.check.name: finding.count for finding in in_files} == {
+    diagnosis = doctor((one, other), report)
+    assert {finding.check.name: finding.count for finding in diagnosis.in_files} == {
         "malformed_rows": 5,
         "duplicates": rows,
         "conflicting_duplicates": rows,
     }
-    assert [(len(one.findings), one.spoils) for one in diagnoses] == [(0, False), (0, False)]
-    assert spoils(diagnoses, in_files)
-    assert to_dict(diagnoses, report, in_files)["in_files"][0]["name"] == "conflicting_duplicates"
-    assert {check.name for check in diagnoses[0].sound} >= {"duplicates", "conflicting_duplicates"}  # its own rows
-    alone, none = examine_all((one,), report)
-    assert none == ()
-    assert alone[0].finding("malformed_rows").count == 5
+    assert [(len(one.findings), one.spoils) for one in diagnosis.roads] == [(0, False), (0, False)]
+    assert diagnosis.spoils
+    assert diagnosis.to_dict()["in_files"][0]["name"] == "conflicting_duplicates"
+    assert {check.name for check in diagnosis.roads[0].sound} >= {
+        "duplicates",
+        "conflicting_duplicates",
+    }  # its own rows
+    alone = doctor((one,), report)
+    assert alone.in_files == ()
+    assert alone.roads[0].finding("malformed_rows").count == 5
+
+
+def test_a_diagnosis_shows_itself_and_becomes_a_table():
+    odd = m.changed(m.of(105, 100, 120), x=pl.col(c.X) + 30.0)
+    found = doctor([odd, replace(m.sound(), site=replace(m.SITE, name="other"))])
+    assert repr(found).startswith("<Diagnosis of i80, other; warning: ")
+    assert "Vehicles that jump" in found._repr_html_()
+    table = found.to_polars()
+    assert set(table["site"]) == {"i80"}
+    assert table.filter(pl.col("name") == "teleports").row(0)[4:6] == (2, odd.tracks.height)
+    assert set(found.places()["site"]) == {"i80"}
+    assert repr(doctor(m.sound())) == "<Diagnosis of i80; nothing found>"
 
 
 def test_severity_grows_with_the_share():
@@ -92,7 +107,7 @@ def test_a_recording_without_lateral_positions_is_not_held_to_its_lanes():
     centres = {lane.number: lane.centre for lane in m.SITE.lanes}
     flat = m.sound().tracks.with_columns(pl.col(c.LANE).cast(pl.Float64).replace_strict(centres).alias(c.Y))
     diagnosis = examine(m.with_tracks(flat))
-    assert {one.check.name for one in diagnosis.unassessed} >= {"lanes_against_positions"}
+    assert {check.name for check in diagnosis.unassessed} >= {"lanes_against_positions"}
     assert diagnosis.findings == ()  # a change of lane is no jump aside
 
 
@@ -101,7 +116,7 @@ def test_a_site_without_a_ramp_is_sound_without_one():
     tracks = m.sound().tracks.filter(pl.col(c.VEHICLE) < 300)
     diagnosis = examine(replace(m.sound(), site=bare, tracks=tracks))
     assert [one.check.name for one in diagnosis.findings] == []
-    no_ramp = {one.check.name for one in diagnosis.unassessed if one.reason == "the site has no ramp lane"}
+    no_ramp = {check.name for check, reason in diagnosis.unassessed.items() if reason == "the site has no ramp lane"}
     assert no_ramp == {"no_history", "virtual_neighbours", "unseen_merges", "short_stays"}
 
 
@@ -109,8 +124,8 @@ def test_a_recording_too_short_to_smooth_spoils_and_says_why():
     diagnosis = examine(m.recorded(m.vehicle(1, lane=6, seconds=0.2)))
     found = diagnosis.finding("cannot_smooth")
     assert found.severity is Severity.SPOILS
-    assert "5 frames or more" in found.found.detail
-    assert {one.check.name for one in diagnosis.unassessed} >= {"accelerations", "jerks", "backing", "no_history"}
+    assert "5 frames or more" in found.detail
+    assert {check.name for check in diagnosis.unassessed} >= {"accelerations", "jerks", "backing", "no_history"}
 
 
 def test_a_recording_of_nothing_is_examined_too():
@@ -129,7 +144,7 @@ def test_windows_are_examined_apart():
 
 def test_it_becomes_strict_json():
     odd = m.changed(m.of(105, 100, 120), x=pl.col(c.X) + 30.0, length=pl.lit(float("nan")))
-    values = json.loads(json.dumps(to_dict([examine(odd)], None), allow_nan=False))
+    values = json.loads(json.dumps(doctor(odd).to_dict(), allow_nan=False))
     assert values["recordings"][0]["findings"][0]["examples"]
     assert values["spoils"] is examine(odd).spoils
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from rampcast.doctor import Diagnosis, examine, examine_all
+from rampcast.doctor import Diagnosis, RoadDiagnosis, doctor, examine
 from rampcast.doctor import figures as doctor_figures
-from rampcast.doctor import page as doctor
-from rampcast.doctor.page import write_diagnoses
+from rampcast.doctor import page as doctor_page
+from rampcast.doctor.page import write_diagnosis
 from rampcast.formats import ReadReport
 from rampcast.recording import columns as c
 from tests.doctor import made_up as m
@@ -21,7 +21,7 @@ REPORT = ReadReport(("a <b>.csv",), ("some form",), rows_read=30_000, sizes_fill
 
 
 @pytest.fixture(scope="module")
-def diagnosis() -> Diagnosis:
+def diagnosis() -> RoadDiagnosis:
     jumping = m.changed(m.of(105, 200, 10_000), x=pl.col(c.X) + 15.0).tracks
     inside = (
         m.sound()
@@ -32,10 +32,10 @@ def diagnosis() -> Diagnosis:
 
 
 @pytest.fixture(scope="module")
-def folder(diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(diagnosis: RoadDiagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("doctor")
     (out / "mine.txt").write_text("stays")
-    write_diagnoses([diagnosis], out, report=REPORT, command="rampcast doctor a.csv")
+    write_diagnosis(Diagnosis((diagnosis,), (), REPORT), out, command="rampcast doctor a.csv")
     return out
 
 
@@ -50,7 +50,7 @@ def test_the_page_loads_nothing_and_runs_nothing(folder: Path) -> None:
 
 def test_a_page_without_findings_promises_none_and_a_command_is_set_as_code(folder: Path, tmp_path: Path) -> None:
     sound = replace(examine(m.sound()), findings=())
-    page = write_diagnoses([sound], tmp_path).read_text(encoding="utf-8")
+    page = write_diagnosis(Diagnosis((sound,)), tmp_path).read_text(encoding="utf-8")
     assert "Nothing here would spoil a forecast." in page
     assert "Warnings and notes below" not in page
     written = (folder / "doctor.html").read_text(encoding="utf-8")
@@ -59,21 +59,21 @@ def test_a_page_without_findings_promises_none_and_a_command_is_set_as_code(fold
 
 
 def test_every_finding_is_on_the_page_the_worst_first_and_its_advice_with_it(
-    folder: Path, diagnosis: Diagnosis
+    folder: Path, diagnosis: RoadDiagnosis
 ) -> None:
     page = (folder / "doctor.html").read_text(encoding="utf-8")
     ids = [name for name in Links(page).ids if name.startswith("finding-")]
     assert ids == [f"finding-1-{one.check.name}" for one in diagnosis.findings]
     assert len(ids) >= 4
     assert all(one.check.advice.replace("'", "&#39;") in page for one in diagnosis.findings)
-    assert all(one.check.title in page for one in diagnosis.unassessed)
+    assert all(check.title in page for check in diagnosis.unassessed)
     assert "This would spoil a forecast" in page
 
 
-def test_all_places_are_in_the_tables_and_all_numbers_in_the_json(folder: Path, diagnosis: Diagnosis) -> None:
+def test_all_places_are_in_the_tables_and_all_numbers_in_the_json(folder: Path, diagnosis: RoadDiagnosis) -> None:
     places = pl.read_parquet(folder / "findings.parquet")
     for one in diagnosis.findings:
-        assert places.filter(pl.col("finding") == one.check.name).height == one.found.places.height
+        assert places.filter(pl.col("finding") == one.check.name).height == one.places.height
     assert pl.read_csv(folder / "findings.csv").height == places.height
     values = json.loads((folder / "doctor.json").read_text(encoding="utf-8"))
     assert [one["name"] for one in values["recordings"][0]["findings"]] == [f.check.name for f in diagnosis.findings]
@@ -89,19 +89,19 @@ def test_nothing_is_written_if_the_page_cannot_be_drawn(diagnosis, tmp_path, mon
     def fail(*_: object) -> None:
         raise RuntimeError("no picture")
 
-    monkeypatch.setattr(doctor, "_tracks", fail)
+    monkeypatch.setattr(doctor_page, "_tracks", fail)
     with pytest.raises(RuntimeError, match="no picture"):
-        write_diagnoses([diagnosis], tmp_path / "out")
+        write_diagnosis(Diagnosis((diagnosis,)), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_sound_recording_has_a_page_that_says_so(tmp_path: Path) -> None:
-    page = write_diagnoses([examine(m.sound()), examine(m.sound())], tmp_path).read_text(encoding="utf-8")
+    page = write_diagnosis(doctor([m.sound(), m.sound()]), tmp_path).read_text(encoding="utf-8")
     assert page.count("found nothing to speak of") == 2
     assert "Nothing here would spoil a forecast" in page
 
 
-def test_the_pictures_are_readable_and_name_the_faults(diagnosis: Diagnosis) -> None:
+def test_the_pictures_are_readable_and_name_the_faults(diagnosis: RoadDiagnosis) -> None:
     tables = diagnosis.pictures
     tracks = doctor_figures.faulty_tracks(tables["tracks"], tables["marks"])
     assert "Vehicles that overlap" in legend_labels(tracks)
@@ -115,8 +115,7 @@ def test_the_pictures_are_readable_and_name_the_faults(diagnosis: Diagnosis) -> 
 
 def test_what_is_wrong_with_files_of_two_roads_stands_once_above_them(tmp_path: Path) -> None:
     report = ReadReport(("f.csv",), ("some form",), rows_read=30_000, rows_skipped=12)
-    diagnoses, in_files = examine_all((m.sound(), m.sound()), report)
-    write_diagnoses(diagnoses, tmp_path, report=report, in_files=in_files)
+    write_diagnosis(doctor((m.sound(), m.sound()), report), tmp_path)
     ids = list(Links((tmp_path / "doctor.html").read_text(encoding="utf-8")).ids)
     assert [name for name in ids if name.startswith("finding-")] == ["finding-files-malformed_rows"]
     assert ids.index("files") < ids.index("recording-1")

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.doctor import CHECKS, Diagnosis, Severity, examine
+from rampcast.doctor import CHECKS, RoadDiagnosis, Severity, examine
 from rampcast.formats import BadRow, ReadReport
 from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
@@ -29,9 +29,9 @@ class Planted:
     follows: tuple[str, ...] = ()
 
 
-def places(diagnosis: Diagnosis, name: str) -> list[Place]:
+def places(diagnosis: RoadDiagnosis, name: str) -> list[Place]:
     found = diagnosis.finding(name)
-    return [] if found is None else list(found.found.places.select(c.VEHICLE, c.FRAME).iter_rows())
+    return [] if found is None else list(found.places.select(c.VEHICLE, c.FRAME).iter_rows())
 
 
 def rows_of(number: int, count: int, *, first: int = 0) -> list[Place]:
@@ -252,7 +252,7 @@ def test_a_planted_fault_is_found_where_it_is_and_nowhere_else(name: str, plant:
     assert found is not None
     assert found.count == len(planted.places)
     if planted.values is not None:
-        assert found.found.places["value"].to_list() == pytest.approx(planted.values, abs=1e-4)
+        assert found.places["value"].to_list() == pytest.approx(planted.values, abs=1e-4)
     others = {one.check.name for one in diagnosis.findings} - {name, *planted.follows}
     assert others == set()
 
@@ -273,9 +273,9 @@ def test_positions_and_lengths_in_another_unit_are_named_and_spoil(unit: str, fa
     found = examine(m.with_tracks(tracks)).finding("units")
     assert found is not None
     assert found.severity is Severity.SPOILS
-    assert found.found.detail.count(f"looks like {unit}") == 2  # the lengths, and the lanes
+    assert found.detail.count(f"looks like {unit}") == 2  # the lengths, and the lanes
     expected = [5.0 * factor, 3.66 * factor]
-    assert found.found.places["value"].to_list()[:2] == pytest.approx(expected, rel=0.02)
+    assert found.places["value"].to_list()[:2] == pytest.approx(expected, rel=0.02)
 
 
 def test_recorded_speeds_in_another_unit_are_named():
@@ -283,7 +283,7 @@ def test_recorded_speeds_in_another_unit_are_named():
     diagnosis = examine(recording)
     found = diagnosis.finding("recorded_speeds")
     assert found is not None
-    assert "3.60 times the derived ones: the recorded ones look like km/h" in found.found.detail
+    assert "3.60 times the derived ones: the recorded ones look like km/h" in found.detail
     assert diagnosis.finding("units") is None  # the positions are in metres
 
 
@@ -291,14 +291,14 @@ def test_a_wrong_time_step_is_a_suspicion_of_units():
     slow = replace(with_recorded(c.RECORDED_V, 12.0, pl.lit(False), 0.0), time_step=0.2)
     found = examine(slow).finding("units")
     assert found is not None
-    assert "off by a factor of 0.5" in found.found.detail
+    assert "off by a factor of 0.5" in found.detail
 
 
 def test_a_whole_carriageway_the_wrong_way_spoils():
     turned = m.with_tracks(m.sound().tracks.with_columns((480.0 - pl.col(c.X)).alias(c.X)))
     found = examine(turned).finding("against_traffic")
     assert found is not None
-    assert found.count == found.found.of == 60
+    assert found.count == found.of == 60
     assert found.severity is Severity.SPOILS
 
 
@@ -307,7 +307,7 @@ def test_a_ramp_that_nobody_uses_for_4_seconds_spoils():
     found = diagnosis.finding("no_history")
     assert found is not None
     assert found.severity is Severity.SPOILS
-    assert {one.check.name for one in diagnosis.unassessed} >= {"virtual_neighbours", "unseen_merges", "short_stays"}
+    assert {check.name for check in diagnosis.unassessed} >= {"virtual_neighbours", "unseen_merges", "short_stays"}
 
 
 def test_missing_neighbours_are_counted_and_placed():
@@ -315,8 +315,8 @@ def test_missing_neighbours_are_counted_and_placed():
     found = examine(alone).finding("virtual_neighbours")
     assert found is not None
     # on the ramp from 10 s to 23.3 s (160 m at 12 m/s); with 4 s of history at the full seconds from 14 s to 23 s
-    assert found.found.of == 6 * found.found.places.height == found.count == 60
-    assert found.found.places[c.FRAME].to_list() == [10 * second for second in range(14, 24)]
+    assert found.of == 6 * found.places.height == found.count == 60
+    assert found.places[c.FRAME].to_list() == [10 * second for second in range(14, 24)]
     assert found.severity is Severity.SPOILS
 
 
@@ -324,16 +324,16 @@ def test_merges_that_are_never_seen_are_listed():
     cut = m.without((pl.col(c.VEHICLE) >= 300) & (pl.col(c.LANE) == 6))
     found = examine(cut).finding("unseen_merges")
     assert found is not None
-    assert (found.count, found.found.of, found.severity) == (12, 12, Severity.SPOILS)
-    assert found.found.places[c.VEHICLE].to_list() == list(range(300, 312))
+    assert (found.count, found.of, found.severity) == (12, 12, Severity.SPOILS)
+    assert found.places[c.VEHICLE].to_list() == list(range(300, 312))
 
 
 def test_short_stays_are_listed_with_their_length():
     cut = m.without((pl.col(c.VEHICLE) >= 306) & (pl.col(c.X) > 180.0))
     found = examine(cut).finding("short_stays")
     assert found is not None
-    assert (found.count, found.found.of) == (6, 12)
-    assert found.found.places["value"].to_list() == pytest.approx([15.0] * 6)
+    assert (found.count, found.of) == (6, 12)
+    assert found.places["value"].to_list() == pytest.approx([15.0] * 6)
 
 
 COUNTS: dict[str, Any] = {
@@ -362,7 +362,7 @@ def test_malformed_rows_are_quoted_with_file_and_line():
     report = ReadReport(("a.csv",), ("some form",), rows_read=100, rows_skipped=1, skipped=(row,))
     found = examine(m.sound(), report).finding("malformed_rows")
     assert found is not None
-    assert "a.csv, line 17, column 3" in found.found.detail
+    assert "a.csv, line 17, column 3" in found.detail
 
 
 def test_every_check_has_a_test_with_its_fault():

@@ -2,27 +2,35 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import polars as pl
 import pytest
 
+from rampcast.doctor import doctor
 from rampcast.doctor.summary import (
-    LaneQuality,
+    Counts,
+    LaneCounts,
     PaperCounts,
-    WindowQuality,
+    counts_table,
+    inspect,
     lane_table,
-    quality,
-    quality_table,
     window_table,
 )
-from rampcast.formats import read_any
+from rampcast.errors import RampcastError
+from rampcast.formats import BadRows, read_any
 from rampcast.recording import Recording, clean, concatenate
 from rampcast.recording import columns as c
+from rampcast.recording.recording import KEY
+from rampcast.simulate import shipped_sample
 from rampcast.sites import load_site
+from rampcast.sites.site import NO_LANE
 from tests.made_up_traffic import random_traffic
 
 SITE = load_site("i80")
+MAPPINGS = Path(__file__).parents[2] / "docs" / "mappings"
 
 
 def track(vehicle: int, frames: range | list[int], *, x: float = 0.0, v: float = 10.0, lane: int = 6) -> pl.DataFrame:
@@ -46,8 +54,8 @@ def recorded(*tracks: pl.DataFrame) -> Recording:
     return Recording(tracks=pl.concat(tracks), site=SITE, time_step=0.1, source="made up for a test")
 
 
-def only_window(recording: Recording) -> WindowQuality:
-    found = quality(recording)
+def only_window(recording: Recording) -> Counts:
+    found = inspect(recording)
     assert len(found.windows) == 1
     assert replace(found.total, name="i80-1", paper=found.windows[0].paper) == found.windows[0]
     return found.windows[0]
@@ -96,7 +104,118 @@ def test_overlaps_equal_those_of_a_plain_loop():
     for frame, lane, x, _ in rows:
         ahead = [(x2, length) for f2, l2, x2, length in rows if (f2, l2) == (frame, lane) and x2 > x]
         expected += bool(ahead) and x > min(ahead)[0] - min(ahead)[1]
-    assert quality(recording).total.overlaps == expected > 0
+    assert inspect(recording).total.overlaps == expected > 0
+
+
+def test_vehicles_beside_all_lanes_have_no_leader_to_overlap():
+    beside = [track(number, range(50), x=2.0 * number, lane=6) for number in (1, 2, 3)]
+    off_lanes = [one.with_columns(pl.lit(NO_LANE, pl.Int16).alias(c.LANE)) for one in beside]
+    assert only_window(recorded(*beside)).overlaps == 100
+    assert only_window(recorded(*off_lanes)).overlaps == 0
+
+
+RECORDINGS = {
+    "random traffic in three windows": lambda: concatenate(
+        [random_traffic(seed, vehicles=12, name=f"i80-{seed}") for seed in (1, 2, 3)]
+    ),
+    "smoothed": lambda: clean(random_traffic(5, vehicles=12))[0],
+    "beside all lanes": lambda: random_lanes(random_traffic(3, vehicles=20)),
+    "holes, ids that come back, repeats and jumps": lambda: faulty(random_traffic(4, vehicles=20)),
+    "too short to smooth": lambda: recorded(track(1, range(3))),
+    "the shipped sample": lambda: read_any(shipped_sample()[:1])[0],
+}
+
+
+def random_lanes(recording: Recording) -> Recording:
+    """Returns the recording with every third row in no lane, and some on a lane of the ramp."""
+    rows, lane = pl.int_range(pl.len()), pl.col(c.LANE)
+    changed = pl.when(rows % 3 == 0).then(NO_LANE).when(rows % 50 == 1).then(7).otherwise(lane)
+    return replace(recording, tracks=recording.tracks.with_columns(changed.cast(pl.Int16).alias(c.LANE)))
+
+
+def faulty(recording: Recording) -> Recording:
+    rows, frame = pl.int_range(pl.len()), pl.col(c.FRAME)
+    late = pl.when((frame % 200 > 150) & (pl.col(c.VEHICLE) % 3 == 0)).then(frame + 100).otherwise(frame)
+    tracks = recording.tracks.filter(rows % 37 != 0).with_columns(
+        late.cast(pl.Int32).alias(c.FRAME), pl.col(c.X) + 3.0 * (rows % 91 == 0)
+    )
+    return replace(recording, tracks=pl.concat([tracks, tracks[::53]]).sort(KEY))
+
+
+def assert_same_counts(recording: Recording) -> None:
+    """Asserts that every number that both the summary and the diagnosis print is the same."""
+    total, road = inspect(recording).total, doctor(recording).roads[0]
+    assert (total.rows, total.vehicles) == (road.rows, road.vehicles)
+    counts = dict.fromkeys((check.name for check in road.sound), None) | {
+        one.check.name: one.count for one in road.findings
+    }
+    same = {
+        "duplicates": total.duplicates,
+        "gaps": total.gaps,
+        "reused_ids": total.reused_ids,
+        "overlaps": total.overlaps,
+        "raw_accelerations": total.impossible_before,
+        "accelerations": total.impossible_after,
+        "hard_accelerations": None if total.clipped_after is None else total.clipped_after - total.impossible_after,
+    }
+    for name, number in same.items():
+        if counts.get(name) is not None:
+            assert counts[name] == number, name
+        else:  # nothing was found, or it cannot be told
+            assert number in ((0,) if name in counts else (0, None)), name
+    gaps = road.finding("gaps")
+    assert f"{total.skipped_frames:,} frames are missing" in (gaps.detail if gaps else "0 frames are missing")
+    samples = {(one.quantity, one.stage): one for one in road.distributions}
+    for stage, known, above in (
+        ("before", total.accelerations_before, (total.clipped_before, total.impossible_before)),
+        ("after", total.accelerations_after, (total.clipped_after, total.impossible_after)),
+    ):
+        own = samples.get(("acceleration", f"{stage} smoothing"))
+        assert known == (own.samples if own else None)
+        if own and known:
+            assert [share * known for share in own.beyond.values()] == pytest.approx(above)
+    assert road.facts["on-ramp vehicles"] == f"{total.on_ramp_vehicles:,}"
+    if total.on_ramp_vehicles:
+        assert road.facts["seen for 19 s or more"].startswith(f"{total.on_ramp_seen_19s:,} (")
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_the_summary_counts_what_the_diagnosis_counts(name):
+    assert_same_counts(RECORDINGS[name]())
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    "name", ["us101_excerpts.csv", "us101_lane_changers.parquet", "i80_pairs_three_windows.parquet"]
+)
+def test_the_summary_counts_what_the_diagnosis_counts_in_real_traffic(name, data_folder):
+    mapping = MAPPINGS / f"{name.partition('.')[0]}.toml"
+    mapping = mapping if mapping.is_file() else None
+    recording, _ = read_any([data_folder / "real" / name], mapping=mapping, bad_rows=BadRows.SKIP)
+    assert_same_counts(recording)
+
+
+def test_a_vehicle_that_only_crosses_a_ramp_lane_is_no_on_ramp_vehicle():
+    leaving = pl.concat([track(1, range(100), lane=6), track(1, range(100, 200), x=100.0, lane=7)])
+    assert only_window(recorded(leaving)).on_ramp_vehicles == 0
+
+
+def test_what_is_no_recording_is_one_sentence(monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    for given in ("trajectories.csv", [], [recorded(track(1, range(9))), "trajectories.csv"]):
+        with pytest.raises(RampcastError, match=r"recording: expected a Recording, got .*; rc\.read makes one"):
+            doctor(given)
+    with pytest.raises(RampcastError, match=r"expected a Recording, got 'trajectories\.csv'"):
+        inspect("trajectories.csv")
+
+
+def test_a_summary_shows_itself_and_becomes_a_table():
+    found = inspect(concatenate([random_traffic(seed, vehicles=4, name=f"i80-{seed}") for seed in (1, 2)]))
+    assert repr(found) == f"<Summary of i80: 8 vehicles, {found.total.rows:,} rows in 2 windows>"
+    assert "overlaps with the leader" in found._repr_html_()
+    table = found.to_polars()
+    assert table["name"].to_list() == ["i80-1", "i80-2", "all"]
+    assert table["vehicles"].to_list() == [4, 4, 8]
 
 
 def test_on_ramp_and_target_lane_vehicles_are_counted():
@@ -110,7 +229,7 @@ def test_on_ramp_and_target_lane_vehicles_are_counted():
 
 def test_lanes_tell_where_their_vehicles_drive():
     lane_6, lane_7 = only_window(recorded(track(1, range(30)), track(2, range(20), lane=7))).lanes
-    assert replace(lane_6, median_y=0.0) == LaneQuality(6, "main", 30, 1, 0.0, centre=SITE.lane_centre(6))
+    assert replace(lane_6, median_y=0.0) == LaneCounts(6, "main", 30, 1, 0.0, centre=SITE.lane_centre(6))
     assert lane_6.median_y == pytest.approx(SITE.lane_centre(6) - 0.5)
     assert (lane_7.number, lane_7.role, lane_7.rows) == (7, "ramp", 20)
 
@@ -118,7 +237,7 @@ def test_lanes_tell_where_their_vehicles_drive():
 def test_a_smoothed_recording_knows_only_the_accelerations_after():
     raw = random_traffic(5, vehicles=10)
     smoothed, _ = clean(raw)
-    found, before = quality(smoothed).total, quality(raw).total
+    found, before = inspect(smoothed).total, inspect(raw).total
     assert (found.impossible_before, found.accelerations_before) == (None, None)
     assert found.clipped_after == before.clipped_after
     assert found.duration == pytest.approx(before.duration, abs=0.4)
@@ -127,37 +246,37 @@ def test_a_smoothed_recording_knows_only_the_accelerations_after():
 def test_a_recording_too_short_to_smooth_has_a_quality_too():
     found = only_window(recorded(track(1, range(3))))
     assert (found.rows, found.impossible_after) == (3, None)
-    assert "–" in quality_table(quality(recorded(track(1, range(3))))).rows[9][1]
+    assert "–" in counts_table(inspect(recorded(track(1, range(3))))).rows[9][1]
 
 
 def test_the_total_sums_the_windows_and_has_the_papers_counts_beside_it():
     windows = [random_traffic(seed, vehicles=8, name=f"i80-{seed}") for seed in (1, 2, 3)]
-    found = quality(concatenate(windows))
+    found = inspect(concatenate(windows))
     assert [one.name for one in found.windows] == ["i80-1", "i80-2", "i80-3"]
     assert found.total.vehicles == 24  # ids repeat across windows
     assert found.total.paper == PaperCounts(713, 385, 1529)
     assert [one.paper and one.paper.on_ramp_seen_19s for one in found.windows] == [117, 129, 139]
-    table = quality_table(found)
+    table = counts_table(found)
     assert table.heads == ("", "i80-1", "i80-2", "i80-3", "all")
-    assert ("on-ramp vehicles seen for more than 19 s, the paper", "117", "129", "139", "385") in table.rows
+    assert ("on-ramp vehicles seen for 19 s or more, the paper", "117", "129", "139", "385") in table.rows
     assert all(len(row) == len(table.heads) for row in table.rows)
     assert len(lane_table(found).rows) == len(found.total.lanes)
 
 
 def test_many_windows_have_a_row_each_and_the_sum_a_column():
     windows = [random_traffic(seed, vehicles=4, name=f"i80-{seed}") for seed in range(1, 6)]
-    found = quality(concatenate(windows))
-    assert quality_table(found).heads == ("", "all")
-    assert ("vehicles", "20") in quality_table(found).rows
+    found = inspect(concatenate(windows))
+    assert counts_table(found).heads == ("", "all")
+    assert ("vehicles", "20") in counts_table(found).rows
     table = window_table(found)
     assert table is not None
     assert table.heads[:3] == ("window", "vehicles", "rows")
     assert [row[:2] for row in table.rows] == [(f"i80-{seed}", "4") for seed in range(1, 6)]
-    assert window_table(quality(windows[0])) is None
+    assert window_table(inspect(windows[0])) is None
 
 
 def test_a_lane_in_the_middle_has_no_negative_zero():
-    found = quality(recorded(track(1, range(30))))
+    found = inspect(recorded(track(1, range(30))))
     lane = replace(found.total.lanes[0], median_y=-0.001, centre=-0.0)
     assert lane_table(replace(found, total=replace(found.total, lanes=(lane,)))).rows[0][4:] == ("0.00", "0.00")
 
@@ -165,14 +284,14 @@ def test_a_lane_in_the_middle_has_no_negative_zero():
 def test_it_becomes_strict_json():
     strange = track(1, range(30)).with_columns(pl.lit(3, pl.Int16).alias(c.LANE))
     site = replace(SITE, lanes=tuple(lane for lane in SITE.lanes if lane.number != 3))
-    values = quality(replace(recorded(strange), site=site)).to_dict()
+    values = inspect(replace(recorded(strange), site=site)).to_dict()
     assert json.loads(json.dumps(values, allow_nan=False))["total"]["lanes"][0]["centre"] is None
 
 
 @pytest.mark.data
 def test_the_real_excerpts_are_noisy_before_smoothing_and_plausible_after(data_folder):
     recording, _ = read_any([data_folder / "real" / "us101_excerpts.csv"])
-    found = quality(recording).total
+    found = inspect(recording).total
     assert (found.vehicles, found.rows, found.gaps) == (678, 44_392, 0)
     assert found.paper is None
     shares = [found.clipped_before / found.accelerations_before, found.clipped_after / found.accelerations_after]

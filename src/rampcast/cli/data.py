@@ -47,11 +47,11 @@ def inspect(
     ] = False,
 ) -> None:
     """Prints what is in a recording and how good it is, road by road."""
-    from rampcast.doctor.summary import quality
+    from rampcast.doctor import inspect as summary_of
 
     with terminal.progress("read and check"):
         recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)
-        found = [quality(recording) for recording in recordings]
+        found = [summary_of(recording) for recording in recordings]
     if json:
         values = [one.to_dict() for one in found]
         roads = {"quality": values[0]} if len(values) == 1 else {"qualities": values}
@@ -59,7 +59,7 @@ def inspect(
         return
     terminal.print_reading(report)
     for one in found:
-        terminal.print_quality(one)
+        terminal.print_summary(one)
 
 
 @app.command(
@@ -156,13 +156,12 @@ def doctor(
     json: Annotated[bool, typer.Option("--json", help="Print json instead of tables.")] = False,
 ) -> None:
     """Says what is wrong with a recording, where, and what to do; exit code 1 if it would spoil a forecast."""
-    from rampcast.doctor import examine_all, spoils
+    from rampcast.doctor import doctor as examine
 
     with terminal.progress("read and examine"):
-        read = read_roads(files, site, True, format, mapping)
-        diagnoses, in_files = examine_all(*read)
-    terminal.print_diagnoses(diagnoses, in_files, read[1], out=out, as_json=json, command=user_command())
-    if spoils(diagnoses, in_files):
+        diagnosis = examine(*read_roads(files, site, True, format, mapping))
+    terminal.print_diagnosis(diagnosis, out=out, as_json=json, command=user_command())
+    if diagnosis.spoils:
         raise typer.Exit(1)
 
 

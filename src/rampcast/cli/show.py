@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from rampcast.benchmark import Benchmark
-    from rampcast.doctor import Diagnosis, Finding
-    from rampcast.doctor.summary import Quality
+    from rampcast.doctor import Diagnosis, Finding, RoadDiagnosis, Summary
     from rampcast.download import Download
     from rampcast.formats import ReadReport
     from rampcast.paper.framework import Progress as Tell
@@ -142,12 +141,12 @@ def print_cleaning(report: "CleaningReport") -> None:
     say(f"  x moved by {report.mean_shift_x:.3f} m on average, by {report.largest_shift_x:.2f} m at most")
 
 
-def print_quality(quality: "Quality") -> None:
+def print_summary(summary: "Summary") -> None:
     """Prints what is in a recording and how good it is: all of it, its windows, and its lanes."""
-    from rampcast.doctor.summary import lane_table, quality_table, window_table
+    from rampcast.doctor.summary import counts_table, lane_table, window_table
 
-    site = f"{quality.site}{' (simulated)' if quality.simulated else ''}"
-    tables = {site: quality_table(quality), "windows": window_table(quality), "lanes": lane_table(quality)}
+    site = f"{summary.site}{' (simulated)' if summary.simulated else ''}"
+    tables = {site: counts_table(summary), "windows": window_table(summary), "lanes": lane_table(summary)}
     for title, text in tables.items():
         if text is None:
             continue
@@ -166,34 +165,24 @@ def print_scores(out: Path) -> None:
     print_errors(pl.read_parquet(out / "tables" / "longitudinal.parquet"))
 
 
-def print_diagnoses(
-    diagnoses: "Sequence[Diagnosis]",
-    in_files: "Sequence[Finding]",
-    report: "ReadReport",
-    *,
-    out: Path | None,
-    as_json: bool,
-    command: str,
-) -> None:
+def print_diagnosis(diagnosis: "Diagnosis", *, out: Path | None, as_json: bool, command: str) -> None:
     """Prints what the doctor found, as json or as tables, and writes its page to `out` if that is given."""
-    from rampcast.doctor import to_dict
-
     if as_json:
-        print_json(to_dict(diagnoses, report, in_files))
+        print_json(diagnosis.to_dict())
     else:
-        print_reading(report)
-        if in_files:
-            _print_findings(f"{len(report.files)} files with {len(diagnoses)} roads", in_files)
-        for one in diagnoses:
-            _print_diagnosis(one)
+        if diagnosis.report is not None:
+            print_reading(diagnosis.report)
+        if diagnosis.in_files:
+            _print_findings(f"all files, with {len(diagnosis.roads)} roads", diagnosis.in_files)
+        for road in diagnosis.roads:
+            _print_road(road)
     if out is not None:
-        from rampcast.doctor.page import write_diagnoses
+        from rampcast.doctor.page import write_diagnosis
 
-        page = write_diagnoses(diagnoses, out, report=report, in_files=in_files, command=command)
-        note(f"wrote {page}")
+        note(f"wrote {write_diagnosis(diagnosis, out, command=command)}")
 
 
-def _print_diagnosis(diagnosis: "Diagnosis") -> None:
+def _print_road(diagnosis: "RoadDiagnosis") -> None:
     title = f"{diagnosis.site}: {diagnosis.vehicles:,} vehicles, {diagnosis.rows:,} rows"
     if diagnosis.findings:
         _print_findings(title, diagnosis.findings)
@@ -201,8 +190,8 @@ def _print_diagnosis(diagnosis: "Diagnosis") -> None:
         say(f"{title}: nothing found")
     for name, value in diagnosis.facts.items():
         say(f"{name}: {value}")
-    for unassessed in diagnosis.unassessed:
-        say(f"not assessed: {unassessed.check.title}: {unassessed.reason}")
+    for check, reason in diagnosis.unassessed.items():
+        say(f"not assessed: {check.title}: {reason}")
     say("this would spoil a forecast" if diagnosis.spoils else "nothing here would spoil a forecast")
 
 
@@ -217,7 +206,7 @@ def _print_findings(title: str, findings: "Sequence[Finding]") -> None:
         table.add_row(severity, escape(one.check.title), counted, f"{one.share:.2%}", escape(one.example()))
     output.print(table)
     for one in findings:
-        detail = f" ({one.found.detail})" if one.found.detail else ""
+        detail = f" ({one.detail})" if one.detail else ""
         say(f"{one.check.title}{detail}: {one.check.advice}")
 
 

@@ -1,14 +1,14 @@
 """How speed, acceleration and jerk are distributed over the rows, before and after smoothing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import polars as pl
 from jaxtyping import Float
 
 from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION, FASTEST, LARGEST_JERK
-from rampcast.doctor.finding import Distribution
-from rampcast.doctor.row_measures import BEFORE
 from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
@@ -16,6 +16,7 @@ from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 QUANTILES = (0.001, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.999)
 STAGES = ("before smoothing", "after smoothing")
 UNITS = {"speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³"}
+LABELS = {"speed": "speed v [m/s]", "acceleration": "acceleration a [m/s²]", "jerk": "jerk [m/s³]"}
 LIMITS = {
     "speed": (FASTEST,),
     "acceleration": (CLIPPED_ACCELERATION, IMPOSSIBLE_ACCELERATION),
@@ -23,6 +24,34 @@ LIMITS = {
 }
 # From, to and bars of the pictures; what lies beyond is counted in the outermost bars.
 BARS = {"speed": (-5.0, 45.0, 50), "acceleration": (-12.0, 12.0, 96), "jerk": (-40.0, 40.0, 80)}
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """How a quantity is distributed over the rows, before or after smoothing.
+
+    Attributes:
+        quantity, unit, stage: as "acceleration", "m/s²", "before smoothing".
+        samples: rows where it is known.
+        quantiles: value at each share.
+        beyond: share of rows whose absolute value is above each limit.
+        histogram: columns left, right [unit] and share.
+    """
+
+    quantity: str
+    unit: str
+    stage: str
+    samples: int
+    quantiles: Mapping[float, float]
+    beyond: Mapping[float, float]
+    histogram: pl.DataFrame = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the distribution as plain values, for json."""
+        return {name: getattr(self, name) for name in ("quantity", "unit", "stage", "samples")} | {
+            "quantiles": {str(share): value for share, value in self.quantiles.items()},
+            "share_beyond": {str(limit): share for limit, share in self.beyond.items()},
+        }
 
 
 def distributions(subject: Subject) -> tuple[Distribution, ...]:
@@ -35,9 +64,8 @@ def distributions(subject: Subject) -> tuple[Distribution, ...]:
 
 def _before(subject: Subject) -> Iterator[tuple[str, Float[np.ndarray, "row"]]]:
     yield "speed", subject.speed
-    second = subject.tracks[BEFORE].to_numpy()
-    yield "acceleration", second
-    third = np.diff(second, prepend=np.nan) / subject.time_step  # NaN wherever the rows are not in a row
+    yield "acceleration", subject.raw_acceleration
+    third = np.diff(subject.raw_acceleration, prepend=np.nan) / subject.time_step  # NaN after holes
     yield "jerk", np.where(subject.step == 1, third, np.nan)
 
 

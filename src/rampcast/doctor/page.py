@@ -13,15 +13,15 @@ import matplotlib as mpl
 import polars as pl
 from matplotlib.figure import Figure
 
-from rampcast.doctor import Diagnosis, Finding, Severity, spoils, to_dict
-from rampcast.doctor import figures as figures
+from rampcast.doctor import figures
+from rampcast.doctor.diagnosis import Diagnosis, RoadDiagnosis
+from rampcast.doctor.distributions import LABELS
+from rampcast.doctor.finding import Finding, Severity
 from rampcast.files import write_whole
-from rampcast.formats import ReadReport
 from rampcast.plots import style
 
 PAGE, VALUES, PLACES = "doctor.html", "doctor.json", "findings"
 CLASSES = {Severity.SPOILS: "spoils", Severity.WARNING: "warning", Severity.NOTE: "note"}
-LABELS = {"speed": "speed v [m/s]", "acceleration": "acceleration a [m/s²]", "jerk": "jerk [m/s³]"}
 SHOWN_QUANTILES = (0.001, 0.01, 0.05, 0.5, 0.95, 0.99, 0.999)
 
 
@@ -35,29 +35,20 @@ class Picture:
     caption: str
 
 
-def write_diagnoses(
-    diagnoses: Sequence[Diagnosis],
-    out: Path,
-    *,
-    report: ReadReport | None = None,
-    in_files: Sequence[Finding] = (),
-    command: str = "",
-) -> Path:
+def write_diagnosis(diagnosis: Diagnosis, out: Path, *, command: str = "") -> Path:
     """Writes doctor.html, doctor.json, findings.parquet and findings.csv into a folder; returns the page's path.
 
     Other files in the folder stay as they are. All is made before the first file is written, and each is written whole
     or not at all, the page last.
 
     Args:
-        diagnoses: one for each road.
+        diagnosis: of one road or several.
         out: the folder; made if it is not there.
-        report: what reading the files found.
-        in_files: what is wrong with files of several roads as a whole.
         command: what the user called.
     """
-    page = _page(diagnoses, report, in_files, command)
-    text = json.dumps(to_dict(diagnoses, report, in_files), indent=2, default=str)
-    places = pl.concat([one.places().select(pl.lit(one.site).alias("site"), pl.all()) for one in diagnoses])
+    page = _page(diagnosis, command)
+    text = json.dumps(diagnosis.to_dict(), indent=2, default=str)
+    places = diagnosis.places()
     out = Path(out)
     with write_whole(out / f"{PLACES}.parquet") as partial:
         places.write_parquet(partial)
@@ -69,7 +60,7 @@ def write_diagnoses(
     return out / PAGE
 
 
-def _page(diagnoses: Sequence[Diagnosis], report: ReadReport | None, in_files: Sequence[Finding], command: str) -> str:
+def _page(diagnosis: Diagnosis, command: str) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("rampcast.doctor", ""),
         autoescape=True,
@@ -77,16 +68,17 @@ def _page(diagnoses: Sequence[Diagnosis], report: ReadReport | None, in_files: S
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    report = diagnosis.report
     return environment.get_template("page.html.j2").render(
         files=list(zip(report.files, report.forms, strict=True)) if report else [],
         command=command,
-        recordings=[_recording(one, number) for number, one in enumerate(diagnoses, start=1)],
-        in_files=_shown(in_files),
-        spoils=spoils(diagnoses, in_files),
+        recordings=[_recording(one, number) for number, one in enumerate(diagnosis.roads, start=1)],
+        in_files=_shown(diagnosis.in_files),
+        spoils=diagnosis.spoils,
     )
 
 
-def _recording(diagnosis: Diagnosis, number: int) -> dict[str, Any]:
+def _recording(diagnosis: RoadDiagnosis, number: int) -> dict[str, Any]:
     counts = [(CLASSES[kind], sum(one.severity is kind for one in diagnosis.findings)) for kind in Severity]
     return {
         "number": number,
@@ -107,7 +99,7 @@ def _shown(findings: Sequence[Finding]) -> list[tuple[str, Finding, str, list[tu
 
 
 def _share(finding: Finding) -> str:
-    return f"{finding.count:,} of {finding.check.counting(finding.found.of)} ({_percent(finding.share)})"
+    return f"{finding.count:,} of {finding.check.counting(finding.of)} ({_percent(finding.share)})"
 
 
 def _percent(share: float) -> str:
@@ -122,7 +114,7 @@ def _examples(finding: Finding) -> Iterator[tuple[str, ...]]:
         yield (*others, x, value)
 
 
-def _tracks(diagnosis: Diagnosis) -> Picture | None:
+def _tracks(diagnosis: RoadDiagnosis) -> Picture | None:
     tracks, marks = diagnosis.pictures["tracks"], diagnosis.pictures["marks"]
     if not tracks.height:
         return None
@@ -132,7 +124,7 @@ def _tracks(diagnosis: Diagnosis) -> Picture | None:
     return _picture(style.figure_of(figures.faulty_tracks(tracks, marks)), f"{where}; {shown}.")
 
 
-def _timelines(diagnosis: Diagnosis) -> Iterator[Picture]:
+def _timelines(diagnosis: RoadDiagnosis) -> Iterator[Picture]:
     table = diagnosis.pictures["timeline"]
     for name in table["recording"].unique().sort():
         own = table.filter(pl.col("recording") == name)
@@ -142,7 +134,7 @@ def _timelines(diagnosis: Diagnosis) -> Iterator[Picture]:
         )
 
 
-def _distributions(diagnosis: Diagnosis) -> Iterator[Picture]:
+def _distributions(diagnosis: RoadDiagnosis) -> Iterator[Picture]:
     for quantity, label in LABELS.items():
         own = [one for one in diagnosis.distributions if one.quantity == quantity]
         if own:
@@ -156,7 +148,7 @@ def _distributions(diagnosis: Diagnosis) -> Iterator[Picture]:
             yield _picture(style.figure_of(ax), f"{quantity.capitalize()}. {beyond[0].upper()}{beyond[1:]}.")
 
 
-def _lateral(diagnosis: Diagnosis) -> Picture | None:
+def _lateral(diagnosis: RoadDiagnosis) -> Picture | None:
     if not diagnosis.pictures["lateral"].height:
         return None
     ax = figures.lateral_positions(diagnosis.pictures["lateral"], diagnosis.pictures["lanes"])

@@ -27,9 +27,9 @@ NOT_SHOWN = (
 )
 
 
-def pictures(subject: Subject, findings: Sequence[Finding]) -> dict[str, pl.DataFrame]:
+def picture_tables(subject: Subject, findings: Sequence[Finding]) -> dict[str, pl.DataFrame]:
     """Returns the tables: `tracks`, `marks`, `lateral`, `timeline`, and the limits of the lanes in `lanes`."""
-    shown = [one for one in findings if one.found.places.height and one.check.name not in NOT_SHOWN]
+    shown = [one for one in findings if one.places.height and one.check.name not in NOT_SHOWN]
     places = _placed(subject, shown)
     tracks, marks = _stretch(subject, places)
     return {
@@ -45,9 +45,9 @@ def _placed(subject: Subject, findings: Sequence[Finding]) -> pl.DataFrame:
     """Returns the places that have a frame, each with its finding's title, its weight, and its time [s]."""
     schema = pl.Schema(PLACE_SCHEMA | {FINDING: pl.String(), "weight": pl.Float64()})
     tables = [
-        one.found.places.with_columns(pl.lit(one.check.title).alias(FINDING), pl.lit(weight).alias("weight"))
+        one.places.with_columns(pl.lit(one.check.title).alias(FINDING), pl.lit(weight).alias("weight"))
         for one in findings
-        for weight in [WEIGHTS[one.severity] / max(one.found.places.height, 1)]
+        for weight in [WEIGHTS[one.severity] / max(one.places.height, 1)]
     ]
     found = pl.concat([pl.DataFrame(schema=schema), *tables])
     return found.filter(pl.col(c.FRAME).is_not_null()).with_columns(t=pl.col(c.FRAME) * subject.time_step)

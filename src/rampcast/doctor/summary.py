@@ -1,19 +1,26 @@
-"""How good a recording is: what is in it, its gaps, overlaps and impossible accelerations, window by window."""
+"""The summary of a recording, window by window: what is in it, lane by lane, and how often what is wrong with it.
+
+Every number is a sum of what the doctor's checks look at, so that both say the same.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+import numpy as np
 import polars as pl
+from jaxtyping import Bool, Float, Shaped
 
+from rampcast.arguments import expected
 from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION
-from rampcast.doctor.checks.ramp import LONG_ENOUGH
-from rampcast.doctor.row_measures import BEFORE, DEPTH, STEP, TRACK, measured
-from rampcast.errors import RecordingError
+from rampcast.doctor.checks.ramp import seen_long
+from rampcast.doctor.row_measures import TRACK
+from rampcast.doctor.subject import READ_FIRST, Subject, subject_of
+from rampcast.notebook import html_table
 from rampcast.recording import columns as c
 from rampcast.recording.recording import Recording
-from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, clean
+from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites.site import Site
 
 ALL = "all"
@@ -41,7 +48,7 @@ PAPER_COUNTS: Mapping[str, Mapping[str, PaperCounts]] = {
 
 
 @dataclass(frozen=True)
-class LaneQuality:
+class LaneCounts:
     """A lane: its number and role, rows and vehicles in it, and where its vehicles drive beside where the site says.
 
     `median_y` and `centre` are lateral positions [m]; NaN where the site does not know the lane.
@@ -56,7 +63,7 @@ class LaneQuality:
 
 
 @dataclass(frozen=True)
-class WindowQuality:
+class Counts:
     """What is in one window, or in all of them together.
 
     Attributes:
@@ -73,8 +80,8 @@ class WindowQuality:
         clipped_before, clipped_after: the same for |a| > 3.41 m/s^2.
         accelerations_before, accelerations_after: rows whose acceleration is known.
         overlaps: rows where a vehicle's front is ahead of its leader's rear in the same lane and frame.
-        on_ramp_vehicles: vehicles with a row in a ramp lane.
-        on_ramp_seen_19s: those of them that are seen for more than 19 s.
+        on_ramp_vehicles: vehicles whose first row lies in a ramp lane.
+        on_ramp_seen_19s: those of them that are seen for 19 s or more.
         target_lane_vehicles: vehicles with a row in the target lane between gore and ramp end.
         paper: the paper's counts beside them, where it prints some.
         lanes: lane by lane.
@@ -100,55 +107,72 @@ class WindowQuality:
     on_ramp_seen_19s: int
     target_lane_vehicles: int
     paper: PaperCounts | None
-    lanes: tuple[LaneQuality, ...]
+    lanes: tuple[LaneCounts, ...]
 
 
-@dataclass(frozen=True)
-class Quality:
-    """The quality of a recording: its site and source, each window, and all together."""
+NUMBERS = tuple(one.name for one in fields(Counts) if one.name not in ("name", "paper", "lanes"))
+
+
+@dataclass(frozen=True, repr=False)
+class Summary:
+    """What is in a recording: its site and source, the counts of each window, and of all together."""
 
     site: str
     source: str
     simulated: bool
-    windows: tuple[WindowQuality, ...]
-    total: WindowQuality
+    windows: tuple[Counts, ...]
+    total: Counts
 
     def to_dict(self) -> dict[str, Any]:
         """Returns everything as plain values, for json; NaN as None."""
         return dict(_plain(asdict(self)))
 
+    def to_polars(self) -> pl.DataFrame:
+        """Returns the counts as a table: a row for each window, and one for all together."""
+        each = (*self.windows, self.total)
+        return pl.DataFrame([{name: getattr(one, name) for name in ("name", *NUMBERS)} for one in each])
+
+    def __repr__(self) -> str:
+        total, count = self.total, len(self.windows)
+        windows = f"{count} window{'s' if count != 1 else ''}"
+        return f"<Summary of {self.site}: {total.vehicles:,} vehicles, {total.rows:,} rows in {windows}>"
+
+    def _repr_html_(self) -> str:
+        return html_table(repr(self)[1:-1], {label: show(self.total) for label, show in _ROWS.items()})
+
 
 @dataclass(frozen=True)
-class QualityTable:
-    """A quality as text, for printing: column heads, and rows of a label and its cells."""
+class TextTable:
+    """Counts as text, for printing: column heads, and rows of a label and its cells."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
-def quality(recording: Recording, *, cleaned: Recording | None = None) -> Quality:
-    """Returns how good a recording is.
+def inspect(recording: Recording) -> Summary:
+    """Returns what is in a recording, and how often what is wrong with it.
 
     Accelerations before smoothing are second differences of the raw positions, those after are the derived ones. The
     limit of 8 m/s^2 is about the grip of a dry road; 3.41 m/s^2 is where NGSIM clips.
 
     Args:
         recording: raw or smoothed.
-        cleaned: the same recording smoothed, if the caller has it; None smooths a raw one here.
+
+    Raises:
+        RampcastError: it is something else.
     """
-    cleaned = cleaned or _cleaned(recording)
-    tracks, repeats = measured(recording)
-    duplicates = dict(repeats.group_by(pl.col(c.RECORDING).cast(pl.String)).len().iter_rows())
-    windows = []
-    for name in recording.names:
-        smoothed = None if cleaned is None else cleaned.tracks.filter(pl.col(c.RECORDING) == name)
-        window = tracks.filter(pl.col(c.RECORDING) == name)
-        windows.append(_describe(name, recording, window, smoothed, duplicates=duplicates.get(name, 0)))
-    total = _together(windows, recording.site, _lanes(tracks, recording.site))
-    return Quality(recording.site.name, recording.source, recording.site.simulated, tuple(windows), total)
+    expected(Recording, recording, name="recording", advice=READ_FIRST)
+    site, subject = recording.site, subject_of(recording, None)
+    paper = PAPER_COUNTS.get(site.name, {})
+    found = []
+    for row in _numbers(subject).iter_rows(named=True):
+        name = str(row.pop(c.RECORDING))
+        tracks = subject.tracks if name == ALL else subject.tracks.filter(pl.col(c.RECORDING) == name)
+        found.append(Counts(name=name, paper=paper.get(name), lanes=_lanes(tracks, site), **row))
+    return Summary(site.name, recording.source, site.simulated, tuple(found[:-1]), found[-1])
 
 
-def quality_table(found: Quality) -> QualityTable:
+def counts_table(found: Summary) -> TextTable:
     """Returns the counts of each window, of all together, and the paper's where it prints some, as text.
 
     Of many windows it is all together; `window_table` has a row for each of them.
@@ -162,105 +186,100 @@ def quality_table(found: Quality) -> QualityTable:
         if papers:
             cells = (_number(getattr(papers[one.name], name)) if one.name in papers else "" for one in columns)
             rows.append((f"{label}, the paper", *cells))
-    return QualityTable(("", *(one.name for one in columns)), tuple(rows))
+    return TextTable(("", *(one.name for one in columns)), tuple(rows))
 
 
-def window_table(found: Quality) -> QualityTable | None:
+def window_table(found: Summary) -> TextTable | None:
     """Returns a row of counts for each window, as text, where there are too many for columns; None where not."""
     if len(found.windows) <= MOST_COLUMNS:
         return None
     rows = ((one.name, *(_ROWS[label](one) for label in _WINDOW_COLUMNS.values())) for one in found.windows)
-    return QualityTable(("window", *_WINDOW_COLUMNS), tuple(rows))
+    return TextTable(("window", *_WINDOW_COLUMNS), tuple(rows))
 
 
-def lane_table(found: Quality) -> QualityTable:
+def lane_table(found: Summary) -> TextTable:
     """Returns rows, vehicles and lateral position of each lane over all windows, as text."""
     heads = ("lane", "role", "rows", "vehicles", "median y [m]", "site's centre [m]")
     rows = (
         (str(one.number), one.role, f"{one.rows:,}", f"{one.vehicles:,}", f"{one.median_y:z.2f}", f"{one.centre:z.2f}")
         for one in found.total.lanes
     )
-    return QualityTable(heads, tuple(rows))
+    return TextTable(heads, tuple(rows))
 
 
-def _cleaned(recording: Recording) -> Recording | None:
-    if recording.is_smoothed:
-        return recording
-    try:
-        return clean(recording)[0]
-    except RecordingError:  # too short to smooth: all else can still be told
-        return None
+def _numbers(subject: Subject) -> pl.DataFrame:
+    """Returns the `NUMBERS` of each window, and last those of all together; an id in two windows is two vehicles."""
+    parts = [_of_rows(subject), _of_vehicles(subject)]
+    again = np.ones(subject.repeats.height, dtype=bool)
+    parts.append(_summed(subject.repeats, {"rows": again, "duplicates": again}))
+    if subject.cleaned is not None:
+        smoothed = subject.cleaned.tracks
+        parts.append(_summed(smoothed, _accelerations("after", smoothed[c.A].to_numpy())))
+    nothing = pl.DataFrame(schema={c.RECORDING: pl.String(), **dict.fromkeys(NUMBERS, pl.Int64())})
+    found = pl.concat([nothing, *parts], how="diagonal").group_by(c.RECORDING).sum().sort(c.RECORDING)
+    found = pl.concat([found, found.select(pl.lit(ALL).alias(c.RECORDING), pl.exclude(c.RECORDING).sum())])
+    known = {"before": not subject.recording.is_smoothed, "after": subject.cleaned is not None}
+    unknown = [name for name in NUMBERS if not known.get(name.rpartition("_")[2], True)]
+    seconds = pl.col("frames") * subject.time_step
+    return found.with_columns(pl.lit(None).alias(name) for name in unknown).with_columns(duration=seconds)
 
 
-def _describe(
-    name: str, recording: Recording, tracks: pl.DataFrame, smoothed: pl.DataFrame | None, *, duplicates: int
-) -> WindowQuality:
-    site, dt = recording.site, recording.time_step
-    longest = round(LONGEST_FILLED_GAP / dt)
-    hole = pl.col(STEP).is_between(2, longest)
-    counts = tracks.select(
-        gaps=hole.sum(),
-        skipped_frames=(pl.col(STEP) - 1).filter(hole).sum(),
-        reused_ids=(pl.col(STEP) > longest).sum(),
-        overlaps=(pl.col(DEPTH) > 0).sum(),
-        frames=pl.col(c.FRAME).n_unique(),
-    ).row(0, named=True)
-    beside = pl.col(c.X).is_between(site.gore, site.ramp_end) & (pl.col(c.LANE) == site.target_lane)
-    vehicles = tracks.group_by(c.VEHICLE).agg(
-        on_ramp=pl.col(c.LANE).is_in(list(site.ramp_lanes)).any(),
-        beside=beside.any(),
-        long=(pl.col(c.FRAME).max() - pl.col(c.FRAME).min()) * dt > LONG_ENOUGH,
-    )
-    before = None if recording.is_smoothed else tracks[BEFORE].drop_nulls()
-    after = None if smoothed is None else smoothed[c.A]
-    return WindowQuality(
-        name=name,
-        vehicles=vehicles.height,
-        rows=tracks.height + duplicates,
-        duplicates=duplicates,
-        duration=counts["frames"] * dt,
-        impossible_before=_above(before, IMPOSSIBLE_ACCELERATION),
-        impossible_after=_above(after, IMPOSSIBLE_ACCELERATION),
-        clipped_before=_above(before, CLIPPED_ACCELERATION),
-        clipped_after=_above(after, CLIPPED_ACCELERATION),
-        accelerations_before=None if before is None else before.len(),
-        accelerations_after=None if after is None else after.len(),
-        on_ramp_vehicles=int(vehicles["on_ramp"].sum()),
-        on_ramp_seen_19s=vehicles.filter("on_ramp", "long").height,
-        target_lane_vehicles=int(vehicles["beside"].sum()),
-        paper=PAPER_COUNTS.get(site.name, {}).get(name),
-        lanes=_lanes(tracks, site),
-        **counts,
-    )
+def _of_rows(subject: Subject) -> pl.DataFrame:
+    tracks = subject.tracks
+    counted = {
+        "rows": np.ones(tracks.height, dtype=bool),
+        "frames": tracks.select(pl.struct(c.RECORDING, c.FRAME).is_first_distinct()).to_series().to_numpy(),
+        "gaps": subject.is_after_hole,
+        "skipped_frames": np.where(subject.is_after_hole, subject.step - 1, 0),
+        "reused_ids": subject.comes_back,
+        "overlaps": subject.overlap > 0,
+    }
+    return _summed(tracks, counted | _accelerations("before", subject.raw_acceleration))
 
 
-def _together(windows: Sequence[WindowQuality], site: Site, lanes: tuple[LaneQuality, ...]) -> WindowQuality:
-    """Returns the sum of the windows; an id in two windows is two vehicles."""
-    numbers = [entry.name for entry in fields(WindowQuality) if entry.name not in ("name", "paper", "lanes")]
-    columns = {name: [getattr(window, name) for window in windows] for name in numbers}
-    sums: dict[str, Any] = {name: None if None in values else sum(values) for name, values in columns.items()}
-    return WindowQuality(name=ALL, paper=PAPER_COUNTS.get(site.name, {}).get(ALL), lanes=lanes, **sums)
+def _of_vehicles(subject: Subject) -> pl.DataFrame:
+    counted = {
+        "vehicles": np.ones(len(subject.starts), dtype=bool),
+        "on_ramp_vehicles": subject.on_ramp,
+        "on_ramp_seen_19s": subject.on_ramp & seen_long(subject),
+        "target_lane_vehicles": _drive_beside_ramp(subject),
+    }
+    return _summed(subject.tracks[subject.starts], counted)
 
 
-def _above(accelerations: pl.Series | None, limit: float) -> int | None:
-    return None if accelerations is None else int((accelerations.abs() > limit).sum())
+def _summed(rows: pl.DataFrame, counted: Mapping[str, Shaped[np.ndarray, "row"]]) -> pl.DataFrame:
+    """Returns the sums over the rows of each window."""
+    table = pl.DataFrame({c.RECORDING: rows[c.RECORDING].cast(pl.String), **counted})
+    return table.group_by(c.RECORDING).agg(pl.all().sum().cast(pl.Int64))
 
 
-def _lanes(tracks: pl.DataFrame, site: Site) -> tuple[LaneQuality, ...]:
-    known = {lane.number: lane for lane in site.lanes}
-    vehicles = tracks.select(c.LANE, *TRACK).unique().group_by(c.LANE).agg(pl.len().alias("vehicles"))
-    found = tracks.group_by(c.LANE).agg(pl.len().alias("rows"), pl.col(c.Y).median().alias("y")).join(vehicles, c.LANE)
-    return tuple(
-        LaneQuality(
-            number=row[c.LANE],
-            role=known[row[c.LANE]].role if row[c.LANE] in known else "unknown",
-            rows=row["rows"],
-            vehicles=row["vehicles"],
-            median_y=row["y"],
-            centre=known[row[c.LANE]].centre if row[c.LANE] in known else math.nan,
-        )
-        for row in found.sort(c.LANE).iter_rows(named=True)
-    )
+def _accelerations(stage: str, values: Float[np.ndarray, "row"]) -> dict[str, Bool[np.ndarray, "row"]]:
+    size = np.abs(values)  # NaN is not above
+    return {
+        f"impossible_{stage}": size > IMPOSSIBLE_ACCELERATION,
+        f"clipped_{stage}": size > CLIPPED_ACCELERATION,
+        f"accelerations_{stage}": np.isfinite(size),
+    }
+
+
+def _drive_beside_ramp(subject: Subject) -> Bool[np.ndarray, "vehicle"]:
+    """Returns which vehicles have a row in the target lane between gore and ramp end."""
+    site = subject.recording.site
+    beside = (subject.x >= site.gore) & (subject.x <= site.ramp_end) & (subject.lane == site.target_lane)
+    before = np.concatenate([[0], np.cumsum(beside)])
+    return before[subject.ends + 1] > before[subject.starts]
+
+
+def _lanes(tracks: pl.DataFrame, site: Site) -> tuple[LaneCounts, ...]:
+    known = {lane.number: (lane.role, lane.centre) for lane in site.lanes}
+    vehicles = tracks.select(c.LANE, *TRACK).unique().group_by(c.LANE).agg(vehicles=pl.len())
+    found = tracks.group_by(c.LANE).agg(rows=pl.len(), median_y=pl.col(c.Y).median()).join(vehicles, on=c.LANE)
+    lanes = []
+    for row in found.sort(c.LANE).iter_rows(named=True):
+        number = row.pop(c.LANE)
+        role, centre = known.get(number, ("unknown", math.nan))
+        lanes.append(LaneCounts(number=number, role=role, centre=centre, **row))
+    return tuple(lanes)
 
 
 def _number(value: int | None) -> str:
@@ -271,12 +290,12 @@ def _share(count: int | None, of: int | None) -> str:
     return f"{count:,} ({100 * count / of:.2f} %)" if count is not None and of else "–"
 
 
-_ROWS: Mapping[str, Callable[[WindowQuality], str]] = {
+_ROWS: Mapping[str, Callable[[Counts], str]] = {
     "vehicles": lambda one: f"{one.vehicles:,}",
     "rows": lambda one: f"{one.rows:,}",
     "frames": lambda one: f"{one.frames:,}",
     "duration [s]": lambda one: f"{one.duration:,.1f}",
-    "duplicate rows": lambda one: f"{one.duplicates:,}",
+    "duplicate rows left": lambda one: f"{one.duplicates:,}",
     "gaps up to 5 s": lambda one: f"{one.gaps:,}",
     "frames skipped in them": lambda one: f"{one.skipped_frames:,}",
     "ids that come back after more than 5 s": lambda one: f"{one.reused_ids:,}",
@@ -284,9 +303,9 @@ _ROWS: Mapping[str, Callable[[WindowQuality], str]] = {
     "|a| > 8 m/s² after smoothing": lambda one: _share(one.impossible_after, one.accelerations_after),
     "|a| > 3.41 m/s² before smoothing": lambda one: _share(one.clipped_before, one.accelerations_before),
     "|a| > 3.41 m/s² after smoothing": lambda one: _share(one.clipped_after, one.accelerations_after),
-    "overlaps with the leader [rows]": lambda one: _share(one.overlaps, one.rows),
+    "overlaps with the leader [rows]": lambda one: _share(one.overlaps, one.rows - one.duplicates),
     "on-ramp vehicles": lambda one: f"{one.on_ramp_vehicles:,}",
-    "on-ramp vehicles seen for more than 19 s": lambda one: f"{one.on_ramp_seen_19s:,}",
+    "on-ramp vehicles seen for 19 s or more": lambda one: f"{one.on_ramp_seen_19s:,}",
     "target-lane vehicles beside the ramp lane": lambda one: f"{one.target_lane_vehicles:,}",
 }
 _WINDOW_COLUMNS = {  # short heads of the rows that a table of many windows shows
@@ -301,7 +320,7 @@ _WINDOW_COLUMNS = {  # short heads of the rows that a table of many windows show
 }
 _PAPER_ROWS = {
     "on-ramp vehicles": "on_ramp_vehicles",
-    "on-ramp vehicles seen for more than 19 s": "on_ramp_seen_19s",
+    "on-ramp vehicles seen for 19 s or more": "on_ramp_seen_19s",
     "target-lane vehicles beside the ramp lane": "target_lane_vehicles",
 }
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from rampcast.doctor.summary import quality
+from rampcast.doctor import inspect
 from rampcast.formats import read_any
 from rampcast.paper.framework import TrainingSpec
 from rampcast.paper.laws.laws import LAWS
@@ -42,7 +42,7 @@ def paper_mode(tables: Path, name: str) -> pl.DataFrame:
 
 def test_vehicles_are_counted_as_in_the_paper(files):
     expected = GOLDEN["counts"]
-    found = quality(read_any(files, site=load_site("i80"))[0])
+    found = inspect(read_any(files, site=load_site("i80"))[0])
     for name in ("on_ramp_vehicles", "on_ramp_seen_19s", "target_lane_vehicles"):
         assert getattr(found.total, name) == pytest.approx(expected[name], rel=expected["relative_tolerance"]), name
     by_window = [window.on_ramp_seen_19s for window in found.windows]
