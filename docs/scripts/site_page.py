@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.cli import show as terminal
+from rampcast.cli.ramp import print_lanes
 from rampcast.formats import ReadReport, read_any
 from rampcast.plots.site_picture import site_picture
 from rampcast.recording import Recording
@@ -28,7 +28,7 @@ RAMP_LANE = 2
 def main() -> None:
     """Draws both pictures and prints what `rampcast site` would."""
     draft = drafted()
-    terminal.print_lanes(draft)
+    print_lanes(draft)
     site_picture(draft).savefig(IMAGES / "site_drafted.png", dpi=DPI)
     site = with_ramp(draft.site, draft, RampValues((RAMP_LANE,)))
     for note in site.notes:

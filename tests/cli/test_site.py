@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from rampcast.cli import show as terminal
+from rampcast.cli import ramp
 from rampcast.cli.app import app
 from rampcast.errors import SiteError
 from rampcast.formats import read_any
@@ -142,7 +142,7 @@ def test_without_a_terminal_the_lanes_are_shown_and_the_options_named(made, tmp_
 
 def test_on_a_terminal_the_ramp_is_asked_for(made, tmp_path, monkeypatch):
     """The answers: no number, no lane, then the lane, the proposals for target lane and gore, another end."""
-    monkeypatch.setattr(terminal, "_somebody_answers", lambda: True)
+    monkeypatch.setattr(ramp, "_somebody_answers", lambda: True)
     answers = f"the right one\n77\n{RAMP[made[0]]}\n\n\n333\n"
     done = run("site", *made[2], "--out", tmp_path / "my.toml", answers=answers)
     assert "Which lane is the ramp?" in done.output

@@ -24,6 +24,7 @@ from rampcast.cli.options import (
     TargetLane,
     writable_folder,
 )
+from rampcast.cli.ramp import site_with_ramp
 from rampcast.cli.reading import bad_rows_of, named_site, read_road, read_roads, user_command, warn_if_off_road
 from rampcast.errors import SiteError
 
@@ -135,7 +136,7 @@ def site(
     recording = turned(recording) if mirrored else recording
     if not no_ramp and not values.or_of(recording.site).lanes:
         _write_draft(recording, picture)
-    made = without_ramp(recording.site) if no_ramp else terminal.site_with_ramp(recording, values)
+    made = without_ramp(recording.site) if no_ramp else site_with_ramp(recording, values)
     made = replace(made, name=name or made.name, speed_limit=speed_limit or made.speed_limit)
     _write_site(replace(recording, site=made), out, picture)
 
