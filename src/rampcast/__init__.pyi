@@ -1,4 +1,6 @@
 from .benchmark import benchmark as benchmark
+from .doctor import doctor as doctor
+from .doctor import inspect as inspect
 from .errors import RampcastError as RampcastError
 from .formats import read as read
 from .plots import plot as plot

@@ -49,7 +49,8 @@ def test_what_reading_counted_in_files_of_two_roads_is_said_once_and_spoils_neit
         "duplicates",
         "conflicting_duplicates",
     }  # its own rows
-    alone = doctor((one,), report)
+    alone, own = doctor((one,), report), doctor([replace(one, report=report), other])
+    assert [len(road.findings) for road in own.roads] == [3, 0]  # what reading counted of each is known
     assert alone.in_files == ()
     assert alone.roads[0].finding("malformed_rows").count == 5
 

@@ -140,15 +140,16 @@ def doctor(recording: Recording | Sequence[Recording], report: ReadReport | None
 
     Args:
         recording: raw or smoothed, or several; raw tells more.
-        report: what reading their files found; None if nothing was read from files.
+        report: what reading the files of all of them found; None takes the report of each recording.
 
     Raises:
         RampcastError: it is something else.
     """
     given = recording if isinstance(recording, list | tuple) and recording else [recording]
     recordings = [expected(Recording, one, name="recording", advice=READ_FIRST) for one in given]
-    if len(recordings) == 1:
-        return Diagnosis((examine(recordings[0], report),), (), report)
+    if report is None or len(recordings) == 1:
+        roads = tuple(examine(one, report or one.report) for one in recordings)
+        return Diagnosis(roads, (), report or (recordings[0].report if len(roads) == 1 else None))
     of_roads = [check for check in CHECKS if check.name not in reading.OF_FILES or check.name in reading.OF_ROWS]
     of_files = [(check, reading.in_files(report, check.name)) for check in CHECKS if check.name in reading.OF_FILES]
     return Diagnosis(tuple(examine(one, checks=of_roads) for one in recordings), _judged(of_files)[0], report)
