@@ -25,6 +25,8 @@ HOSTILE = "<script>alert(\"ramp\")</script> & 'co'"
 
 WRONG = {  # calls of the front door, and what the answer says
     ("clean", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
+    ("inspect", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
+    ("doctor", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("plot", "i80.csv"): "expected a Recording, a Site or a Forecast, got a str",
     ("simulate", 3): "site: expected a Site, got 3",
     ("simulate", "i81"): "there is no site 'i81'; is 'i80' meant",
