@@ -35,7 +35,7 @@ class Picture:
     caption: str
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path, *, command: str = "") -> Path:
+def write_diagnosis(diagnosis: Diagnosis, out: Path | str, *, command: str = "") -> Path:
     """Writes doctor.html, doctor.json, findings.parquet and findings.csv into a folder; returns the page's path.
 
     Other files in the folder stay as they are. All is made before the first file is written, and each is written whole
