@@ -24,6 +24,10 @@ HOSTILE = "<script>alert(\"ramp\")</script> & 'co'"
 
 
 WRONG = {  # calls of the front door, and what the answer says
+    ("read", "no.csv"): "no.csv: there is no such file",
+    ("read", 3): "expected the path of a file, a polars or pandas frame, or a list of them",
+    ("inspect", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
+    ("doctor", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("clean", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("inspect", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("doctor", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
@@ -97,6 +101,11 @@ def test_a_wrong_argument_is_answered_with_a_sentence():
     assert [tuple(line.split("|")[:2]) for line in answers] == [(call, repr(given)) for call, *given in WRONG]
     missed = [line for line, told in zip(answers, WRONG.values(), strict=True) if told not in line]
     assert missed == []
+
+
+def test_the_doctor_takes_the_report_that_reading_left_with_the_recording():
+    read = rc.read(shipped_sample()[0])
+    assert rc.doctor(read).report is read.report is not None
 
 
 def test_a_recording_and_a_site_are_tables_in_a_notebook(recording):
