@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
 
-from measure import once, peak_memory, seconds
+from measure import how_many, once, peak_memory, print_ratio, seconds
 from rampcast.horizon import FUTURE, PAST, STEP
 from rampcast.paper.algorithm_1 import follow
 from rampcast.paper.calibration.calibration import calibrate
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 
-DRIVERS, PLAIN_FITS = 20_000, 40
-SCENES, PLAIN_SCENES = 10_000, 200
+DRIVERS, PLAIN_FITS = how_many(20_000, tiny=20), how_many(40, tiny=2)
+SCENES, PLAIN_SCENES = how_many(10_000, tiny=20), how_many(200, tiny=5)
 NOISE = 0.1  # [m/s^2] of the observed accelerations
 SPEED_LIMIT = 29.06  # [m/s]
 
@@ -70,8 +70,9 @@ def fits(name: str, history: dict[str, Any]) -> None:
         errors = [one_fit(name, history, row) for row in range(PLAIN_FITS)]
         plain = PLAIN_FITS / (time.perf_counter() - start)
         better = calibrate(law, **{key: values[:PLAIN_FITS] for key, values in history.items()}).mse
-        line += f"; curve_fit {plain:,.0f}/s: {ours / plain:,.0f} times as fast"
+        line += f"; curve_fit {plain:,.0f}/s"
         line += f"; mean squared error {np.mean(better):.4f}, curve_fit {np.mean(errors):.4f} m^2/s^4"
+        print_ratio(f"{law.label}, fits a second over those of curve_fit", ours / plain)
     print(line)
 
 
@@ -116,8 +117,9 @@ def roll_outs() -> None:
     by_loop, by_numpy = PLAIN_SCENES / seconds(lambda: loop(PLAIN_SCENES), 3), SCENES / seconds(arrays, 3)
     difference = np.abs(ours()[:PLAIN_SCENES] - loop(PLAIN_SCENES)).max()
     print(f"\nroll-out of {FUTURE} steps: {rate:,.0f} forecasts/s; peak memory {peak_memory(ours):+.0f} MB")
-    print(f"  Python loop {by_loop:,.0f}/s: {rate / by_loop:,.0f} times as fast")
-    print(f"  numpy {by_numpy:,.0f}/s: {rate / by_numpy:.1f} times as fast")
+    print(f"  Python loop {by_loop:,.0f}/s; numpy {by_numpy:,.0f}/s")
+    print_ratio("roll-outs a second over those of a Python loop", rate / by_loop)
+    print_ratio("roll-outs a second over those of numpy", rate / by_numpy)
     print(f"  largest difference from the loop after 15 s: {difference:.1e} m")
 
 

@@ -30,6 +30,7 @@ sys.path.insert(0, str(PROJECT))
 from tests.formats.samples import SITE, samples  # noqa: E402
 from tests.formats.writers import WRITERS  # noqa: E402
 
+from measure import how_many, print_ratio  # noqa: E402
 from rampcast.formats.files.sources import MOST_PACKED, SMALL  # noqa: E402
 from rampcast.recording import Recording, write_recording  # noqa: E402
 from rampcast.recording import columns as c  # noqa: E402
@@ -352,20 +353,24 @@ def main() -> None:
     """Prints what each case takes; the exit code is 1 if one takes too much."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("words", nargs="*", help="cases: those whose names hold one of these; none for all")
-    parser.add_argument("--megabytes", type=float, default=30.0, help="size of the files")
+    parser.add_argument("--megabytes", type=float, default=how_many(30, tiny=1), help="size of the files")
     arguments = parser.parse_args()
-    chosen = {n: case for n, case in CASES.items() if not arguments.words or any(word in n for word in arguments.words)}
+    words = arguments.words or [""]
+    chosen = {name: case for name, case in CASES.items() if any(word in name for word in words)}
+    chosen = dict(list(chosen.items())[: how_many(len(CASES), tiny=1)])
     print(f"{'case':32} {'file':>9} {'peak':>9} {'ratio':>6}  (at most {MOST_TIMES:g} times and {MORE:g} MB)")
-    too_much = 0
+    too_much, ratios = 0, []
     for name, case in chosen.items():
         result = measured(case, int(arguments.megabytes * MEGABYTE))
         too_much += not result.is_bounded
         mark = " " if result.is_bounded else "!"
         ratio = result.peak / result.megabytes
+        ratios.append(ratio)
         print(
             f"{name:32} {result.megabytes:6.1f} MB {result.peak:6.0f} MB {ratio:6.1f}{mark} {result.outcome}",
             flush=True,
         )
+    print_ratio("largest peak memory over the size of the file", max(ratios))
     sys.exit(1 if too_much else 0)
 
 

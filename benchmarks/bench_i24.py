@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from measure import how_many, print_ratio
+
 SEEN = 3000  # times a vehicle: two minutes at 25 Hz
 START = 1_669_123_189.1  # [s since 1970]
 MILE_63 = 63 * 5280.0  # [ft]
@@ -27,7 +29,7 @@ TARGET = "target: less than 500 MB, whatever the size"
 def main() -> None:
     """Prints the line of the table, or does the conversion when it is its own subprocess."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--gigabytes", type=float, default=0.3)
+    options.add_argument("--gigabytes", type=float, default=how_many(300, tiny=1) / 1000)
     options.add_argument("--folder", type=Path, help="where the file is made; default: a temporary folder")
     options.add_argument("--convert", type=Path, help=argparse.SUPPRESS)
     chosen = options.parse_args()
@@ -44,6 +46,7 @@ def main() -> None:
     speed = megabytes / found["seconds"]
     times = f"{found['seconds']:>9.1f}{found['cpu_seconds']:>9.1f}{speed:>7.0f}"
     print(f"{megabytes:>9,.0f}{found['rows']:>13,}{times}{found['peak_mb']:>9,.0f}{found['written_mb']:>12,.0f}")
+    print_ratio("peak memory over the size of the file", found["peak_mb"] / megabytes)
     print(TARGET)
 
 

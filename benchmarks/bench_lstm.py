@@ -6,12 +6,12 @@ Run: python benchmarks/bench_lstm.py
 import jax
 import numpy as np
 
-from measure import once, peak_memory, seconds
+from measure import how_many, once, peak_memory, print_ratio, seconds
 from rampcast.horizon import FUTURE
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
 
-WINDOWS, VEHICLES, PLAIN = 6400, 1024, 4
+WINDOWS, VEHICLES, PLAIN = how_many(6400, tiny=128), how_many(1024, tiny=32), how_many(4, tiny=1)
 
 
 def main() -> None:
@@ -29,7 +29,8 @@ def main() -> None:
     plain = once(lambda: step_by_step(model, past[:PLAIN])) / PLAIN
     difference = np.abs(model.predict(past[:PLAIN], steps=FUTURE) - step_by_step(model, past[:PLAIN])).max()
     print(f"roll-out of {FUTURE} steps: {1 / ours:,.0f} vehicles/s; numpy, one vehicle at a time: {1 / plain:,.1f}")
-    print(f"  {plain / ours:.0f} times faster; largest difference after 15 s: {difference:.1e} m")
+    print(f"  largest difference after 15 s: {difference:.1e} m")
+    print_ratio("vehicles a second over those of numpy", plain / ours)
 
 
 def step_by_step(model: NeighbourLstm, past: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from measure import once, seconds
+from measure import how_many, once, print_ratio, seconds
 from rampcast.forecast.merge_roll_out import MergeRollOut, sample_merges
 from rampcast.forecast.platoon_roll_out import RollOut
 from rampcast.horizon import FUTURE, STEP
@@ -20,8 +20,9 @@ from rampcast.models.platoon_head import Head
 from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES, MergeScenes
 from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
-SCENES, SAMPLES, DRIVERS = 1_000, 100, 64
-ON_RAMP, AT_ONCE = 20, 200  # vehicles and samples of the frame that is to be forecast within 100 ms
+SCENES, SAMPLES, DRIVERS = how_many(1_000, tiny=4), how_many(100, tiny=5), 64
+# The vehicles and samples of the frame that is to be forecast within 100 ms.
+ON_RAMP, AT_ONCE = how_many(20, tiny=4), how_many(200, tiny=5)
 PLAIN_SCENES, PLAIN_SAMPLES = 1, 4  # the plain loop is too slow for more
 CENTRE = (2.0, 1.2, 1.0, 2.0, 20.0, 4.0)
 LENGTH, LIMIT, TO_END, LOGIT = 4.5, 30.0, 150.0, -4.0
@@ -40,7 +41,8 @@ def main() -> None:
     plain = once(lambda: plain_loop(few)) / (PLAIN_SCENES * PLAIN_SAMPLES)
     many = scenes(SCENES, 8)
     ours = seconds(lambda: sample_merges(model, many, samples=SAMPLES, seed=1)) / (SCENES * SAMPLES)
-    print(f"one future of one scene: {1e3 * ours:.3f} ms, in a plain loop {1e3 * plain:.0f} ms: {plain / ours:,.0f} x")
+    print(f"one future of one scene: {1e3 * ours:.3f} ms, in a plain loop {1e3 * plain:.0f} ms")
+    print_ratio("futures a second over those of a plain loop", plain / ours)
 
 
 def roll_out() -> MergeRollOut:

@@ -6,7 +6,7 @@ Reach on two cores: posteriors of 5,000 vehicles a second; 1,000 platoons x 100 
 
 import numpy as np
 
-from measure import seconds
+from measure import how_many, once, print_ratio, seconds
 from rampcast.forecast.platoon_roll_out import RollOut, sample_platoons
 from rampcast.horizon import STEP
 from rampcast.models.disturbance import Disturbance
@@ -14,7 +14,8 @@ from rampcast.models.drivers import DriverPrior, posterior
 from rampcast.models.platoon_head import Head
 from rampcast.traffic.platoons import CAR, HISTORY, PLACES, Platoons, no_traffic
 
-VEHICLES, PLATOONS, SAMPLES, DRIVERS = 10_000, 1_000, 100, 64
+VEHICLES, PLATOONS, SAMPLES, DRIVERS = how_many(10_000, tiny=20), how_many(1_000, tiny=4), how_many(100, tiny=5), 64
+PLAIN = how_many(100, tiny=2)  # vehicles asked for one by one
 CENTRE = np.array([2.0, 1.2, 1.0, 2.0, 20.0, 4.0])
 
 
@@ -26,6 +27,10 @@ def main() -> None:
     vehicles = queues(VEHICLES, leaders=1)
     took = seconds(lambda: posterior(prior, vehicles))
     print(f"posteriors of {DRIVERS} drivers: {VEHICLES / took:,.0f} vehicles/s")
+    singles = [vehicles.select(np.array([row])) for row in range(PLAIN)]
+    posterior(prior, singles[0])
+    one_by_one = once(lambda: [posterior(prior, single) for single in singles]) / PLAIN
+    print_ratio("posteriors a second over those one by one", one_by_one / (took / VEHICLES))
     model = RollOut(prior, Disturbance(), Head(), 30.0)
     for leaders in (1, 4, 8):
         platoons = queues(PLATOONS, leaders=leaders)

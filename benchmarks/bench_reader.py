@@ -18,7 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-ROWS = 4_500_000
+from measure import how_many, print_ratio
+
+ROWS = how_many(4_500_000, tiny=5_000)
 FRAMES_PER_VEHICLE = 750  # 75 s, about the mean on I-80
 LAST_START = 9_000  # [frames] 15 minutes
 SPEED = 6.5  # [m/s]
@@ -28,7 +30,7 @@ def main() -> None:
     """Prints the table, or does one way of reading when it is its own subprocess."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--rows", type=int, default=ROWS)
-    options.add_argument("--repeat", type=int, default=3, help="the best of so many runs counts")
+    options.add_argument("--repeat", type=int, default=how_many(3, tiny=1), help="the best of so many runs counts")
     options.add_argument("--way", choices=[*WAYS, "write"], help=argparse.SUPPRESS)
     options.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     chosen = options.parse_args()
@@ -55,6 +57,9 @@ def compare(folder: Path, rows: int, repeat: int) -> None:
         work = processor / best["polars"]["cpu_seconds"]
         times = f"{seconds:>9.2f}{ratios[0]:>11.2f}{ratios[1]:>11.2f}{processor:>9.2f}{work:>11.2f}"
         print(f"{title:<52}{times}{peak:>9,.0f}")
+    for way, plain in (("text", "pandas"), ("portal", "polars_portal")):
+        work = best[way]["cpu_seconds"] / best[plain]["cpu_seconds"]
+        print_ratio(f"processor time of {way} over {plain}", work)
 
 
 def run(way: str, folder: Path, rows: int) -> dict[str, float]:

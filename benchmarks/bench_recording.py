@@ -11,15 +11,15 @@ import polars as pl
 from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 
-from measure import once, peak_memory, seconds
+from measure import how_many, once, peak_memory, print_ratio, seconds
 from rampcast.recording import Recording, clean, concatenate, read_recording
 from rampcast.recording.smoothing import ORDER, WINDOW, smooth_tracks
 from rampcast.roads.reference import along_road, in_plane, reference_line
 from rampcast.simulate import shipped_sample
 from rampcast.traffic import find_neighbours
 
-SAMPLES, TRACK = 4_500_000, 750  # as many rows as I-80 has, in tracks of its mean length
-SLICE = 300  # rows that the loop over frames does
+SAMPLES, TRACK = how_many(4_500_000, tiny=4_500), 750  # as many rows as I-80 has, in tracks of its mean length
+SLICE = how_many(300, tiny=3)  # rows that the loop over frames does
 
 
 def main() -> None:
@@ -41,7 +41,8 @@ def smoothing() -> None:
     difference = np.abs(smooth_tracks(values, starts) - track_by_track()).max()
     memory = peak_memory(lambda: smooth_tracks(values, starts))
     print(f"smoothing {SAMPLES:,} samples of {len(starts):,} tracks")
-    print(f"  rampcast {ours:.3f} s, savgol_filter per track {plain:.3f} s: {plain / ours:.1f} times faster")
+    print(f"  rampcast {ours:.3f} s, savgol_filter per track {plain:.3f} s")
+    print_ratio("time of a filter per track over ours", plain / ours)
     print(f"  largest difference {difference:.1e}; peak memory {memory:+.0f} MB")
 
 
@@ -55,10 +56,8 @@ def neighbours() -> None:
     same = np.array_equal(find_neighbours(recording, some), loop_over_frames(recording, some))
     memory = peak_memory(lambda: find_neighbours(recording, rows))
     print(f"\nneighbours of {len(rows):,} ramp rows among {recording.tracks.height:,}")
-    print(
-        f"  rampcast {ours * len(rows):.3f} s; loop over frames {plain * 1e6:.0f} us a row: "
-        f"{plain / ours:,.0f} times faster"
-    )
+    print(f"  rampcast {ours * len(rows):.3f} s; loop over frames {plain * 1e6:.0f} us a row")
+    print_ratio("time of a loop over frames over ours", plain / ours)
     print(f"  same answer: {same}; peak memory {memory:+.0f} MB")
 
 
@@ -79,7 +78,8 @@ def positions() -> None:
     ours, plain = seconds(lambda: along_road(line, px, py), 3), once(nearest_points)
     memory = peak_memory(lambda: along_road(line, px, py))
     print(f"\npositions of {SAMPLES:,} points along a bend")
-    print(f"  rampcast {ours:.2f} s, nearest point of the line {plain:.2f} s: {plain / ours:.1f} times faster")
+    print(f"  rampcast {ours:.2f} s, nearest point of the line {plain:.2f} s")
+    print_ratio("time of the nearest points over ours", plain / ours)
     print(f"  peak memory {memory:+.0f} MB")
 
 

@@ -1,5 +1,10 @@
-"""Time and memory of a call, for the benchmarks beside this file."""
+"""Sizes, time, memory and ratios, for the benchmarks beside this file.
 
+With RAMPCAST_TINY in the environment every benchmark takes tiny sizes and one repeat: it runs, but its numbers mean
+nothing. `tests/test_benchmarks.py` does so, and holds each of them to printing a ratio with `print_ratio`.
+"""
+
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,11 +12,26 @@ from pathlib import Path
 import numpy as np
 
 
+def how_many(full: int, *, tiny: int) -> int:
+    """Returns how much is to be measured: `full`, or `tiny` where only a run is asked for."""
+    return tiny if os.environ.get("RAMPCAST_TINY") else full
+
+
+def print_ratio(what: str, ratio: float) -> None:
+    """Prints the line that every benchmark has at least one of.
+
+    Args:
+        what: what is compared with what.
+        ratio: how many times.
+    """
+    print(f"ratio: {what}: {ratio:,.2f}")
+
+
 def seconds(call: Callable[[], object], repeats: int = 5) -> float:
     """Returns the median time of a call [s], the first one, which may compile, left out."""
     call()
     times = []
-    for _ in range(repeats):
+    for _ in range(how_many(repeats, tiny=1)):
         start = time.perf_counter()
         call()
         times.append(time.perf_counter() - start)
