@@ -29,8 +29,6 @@ WRONG = {  # calls of the front door, and what the answer says
     ("inspect", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("doctor", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("clean", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
-    ("inspect", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
-    ("doctor", "i80.csv"): "recording: expected a Recording, got 'i80.csv'; rc.read makes one of files",
     ("plot", "i80.csv"): "expected a Recording, a Site or a Forecast, got a str",
     ("simulate", 3): "site: expected a Site, got 3",
     ("simulate", "i81"): "there is no site 'i81'; is 'i80' meant",

@@ -4,16 +4,14 @@ from rampcast.doctor.checks import CHECKS
 from rampcast.doctor.diagnosis import Diagnosis, RoadDiagnosis, doctor, examine
 from rampcast.doctor.distributions import Distribution
 from rampcast.doctor.finding import Check, Finding, Severity
-from rampcast.doctor.summary import Counts, LaneCounts, Summary, inspect
+from rampcast.doctor.summary import Summary, inspect
 
 __all__ = [
     "CHECKS",
     "Check",
-    "Counts",
     "Diagnosis",
     "Distribution",
     "Finding",
-    "LaneCounts",
     "RoadDiagnosis",
     "Severity",
     "Summary",

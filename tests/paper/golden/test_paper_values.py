@@ -44,8 +44,8 @@ def test_vehicles_are_counted_as_in_the_paper(files):
     expected = GOLDEN["counts"]
     found = inspect(read_any(files, site=load_site("i80"))[0])
     for name in ("on_ramp_vehicles", "on_ramp_seen_19s", "target_lane_vehicles"):
-        assert getattr(found.total, name) == pytest.approx(expected[name], rel=expected["relative_tolerance"]), name
-    by_window = [window.on_ramp_seen_19s for window in found.windows]
+        assert found.total[name] == pytest.approx(expected[name], rel=expected["relative_tolerance"]), name
+    by_window = found.windows["on_ramp_seen_19s"].to_list()
     assert by_window == pytest.approx(expected["on_ramp_seen_19s_by_window"], rel=expected["relative_tolerance"])
 
 

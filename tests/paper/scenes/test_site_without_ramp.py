@@ -16,7 +16,7 @@ PLAIN = Site("plain", "A plain road", False, 500.0, 33.0, (Lane(5, "main", -16.0
 
 def test_scenes_of_a_site_without_a_ramp_are_refused_with_advice():
     recording = replace(random_traffic(1, vehicles=8), site=PLAIN)
-    assert inspect(recording).total.on_ramp_vehicles == 0
+    assert inspect(recording).total["on_ramp_vehicles"] == 0
     with pytest.raises(RecordingError, match=r"no lane of role 'ramp'.*rampcast site"):
         build_scenes(clean(recording)[0])
 
