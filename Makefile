@@ -1,10 +1,14 @@
 # make demo   installs and runs the whole job on the shipped simulated recordings; leaves out/demo/report.html
 # make test   installs and runs all tests
+# make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check bench docs sample clean
+# Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo test quick check bench bench-smoke docs sample clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -12,14 +16,21 @@ demo: $(VENV)/.installed-demo
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest
 
+quick: $(VENV)/.installed-dev
+	$(BIN)/pytest -m "not slow" --jaxtyping-packages=
+
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/vulture
 
 bench: $(VENV)/.installed-dev
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+bench-smoke: $(VENV)/.installed-dev
+	$(BIN)/pytest tests/test_benchmarks.py
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python docs/scripts/cli_reference.py

@@ -12,6 +12,8 @@ from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.lane_change import forests
 from tests.benchmark import made_up_merges
 
+pytestmark = pytest.mark.slow
+
 FEW = PlatoonForecasterSpec(samples=20, folds=2, correction=CorrectionSpec(trees=5, least_in_leaf=10))
 
 

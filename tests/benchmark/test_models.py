@@ -18,6 +18,8 @@ from rampcast.traffic.merge_scenes import without_target
 from rampcast.traffic.platoons import Platoons, no_traffic
 from tests.benchmark.made_up import HEADWAY
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module", autouse=True)
 def quick_lstm():

@@ -33,6 +33,7 @@ def test_one_folder_is_split_by_window_and_the_record_says_that_the_cases_are_no
     assert set(found.cases["case"].str.slice(0, 2)) == {"2-"}
 
 
+@pytest.mark.slow
 def test_of_two_folders_one_trains_and_the_other_tests_as_a_whole(pairs_folder, tmp_path):
     table = pl.read_parquet(pairs_folder / "i80_pairs_three_windows.parquet")
     table.filter(pl.col("window") == 1).write_parquet(tmp_path / "i80_pairs_three_windows.parquet")
@@ -42,6 +43,7 @@ def test_of_two_folders_one_trains_and_the_other_tests_as_a_whole(pairs_folder, 
     assert set(other.cases["case"].str.slice(0, 2)) == {"1-"}
 
 
+@pytest.mark.slow
 def test_a_companion_trains_with_its_other_windows_alone_as_those_are_of_another_hour(pairs_folder, tmp_path):
     table = pl.read_parquet(pairs_folder / "i80_pairs_three_windows.parquet")
     first = table.filter(pl.col("window") == 1).drop("window")

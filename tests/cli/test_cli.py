@@ -74,6 +74,7 @@ def test_help_imports_nothing_heavy():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
     rampcast("forecast", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path, "--csv")
     forecast = pl.read_parquet(tmp_path / "forecast.parquet")
@@ -88,6 +89,7 @@ def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
     assert pl.read_parquet(tmp_path / "conflicts.parquet").height == 31 * keys
 
 
+@pytest.mark.slow
 def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
     shown = rampcast("evaluate", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path).stdout
     assert "mean absolute position error" in shown
@@ -96,6 +98,7 @@ def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
     assert json.loads((tmp_path / "run.json").read_text())["trained_on"] == ["i80-1"]
 
 
+@pytest.mark.slow
 def test_what_reads_recordings_takes_a_mapping(model, files, tmp_path):
     out, mapping = ("--out", tmp_path / "out"), ("--mapping", tmp_path / "absent.toml")
     one = ("--model", model, "--recording", files[0])
@@ -103,12 +106,14 @@ def test_what_reads_recordings_takes_a_mapping(model, files, tmp_path):
         assert "absent.toml: the mapping cannot be read" in rampcast(*command, *out, *mapping, expect=2).stderr
 
 
+@pytest.mark.slow
 def test_a_score_on_the_training_window_is_refused(model, files, tmp_path):
     done = rampcast("evaluate", "--model", model, "--recording", files[0], "--out", tmp_path / "x", expect=2)
     assert "used to train this model" in done.stderr
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.slow
 def test_convert_and_inspect_go_round(files, tmp_path):
     rampcast("convert", *files, "--out", tmp_path / "both.parquet")
     found = json.loads(rampcast("inspect", tmp_path / "both.parquet", "--json").stdout)
@@ -148,6 +153,7 @@ def test_most_rows_off_the_road_are_warned_of(capsys):
     assert not capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -32,6 +32,7 @@ def test_a_sound_recording_is_exit_code_0(doctor, tmp_path):
     assert "not assessed: Recorded speeds" in out
 
 
+@pytest.mark.slow
 def test_a_recording_that_would_spoil_a_forecast_is_exit_code_1_and_has_a_page(doctor, tmp_path):
     feet = m.with_tracks(m.sound().tracks.with_columns(pl.col(c.X, c.Y, c.LENGTH) / 0.3048))
     write_recording(feet, tmp_path / "feet.parquet")
@@ -43,6 +44,7 @@ def test_a_recording_that_would_spoil_a_forecast_is_exit_code_1_and_has_a_page(d
     assert (tmp_path / "page" / "doctor.html").is_file()
 
 
+@pytest.mark.slow
 def test_json_is_all_that_goes_to_standard_output(doctor, tmp_path):
     write_recording(m.without(m.of(105, 100, 104)), tmp_path / "gap.parquet")
     code, out, _ = doctor(tmp_path / "gap.parquet", "--json", "--out", tmp_path / "page")

@@ -20,6 +20,8 @@ from rampcast.simulate import shipped_sample
 from rampcast.sites import Site, load_site
 from tests.formats.writers import WRITERS
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 2500  # four minutes
 BEND = tuple((300.0 * np.sin(s / 300.0) - 1000.0, 50.0 + 300.0 * (1 - np.cos(s / 300.0))) for s in range(0, 504, 3))
 GORE, RAMP_END = 15.0, 40.0  # [m] how close the proposals must come: where vehicles merge is not where the ramp ends

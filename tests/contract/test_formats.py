@@ -74,6 +74,7 @@ def _lanes_by_place(both: pl.DataFrame, recording: Recording) -> pl.Series:
     return pl.Series(f"{c.LANE}_again", numbers, dtype=pl.Int16)
 
 
+@pytest.mark.slow
 def test_everything_downstream_runs(written):
     _, recording, site, paths = written
     scenes = build_scenes(clean(read_any(paths, site=site)[0])[0], every=5.0)
@@ -81,6 +82,7 @@ def test_everything_downstream_runs(written):
     assert len(scenes) > 0.8 * len(ours) > 0
 
 
+@pytest.mark.slow
 def test_bytes_lost_in_the_middle_are_an_error_that_names_the_file(written):
     name, _, site, paths = written
     content = paths[0].read_bytes()

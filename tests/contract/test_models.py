@@ -13,6 +13,8 @@ from rampcast.paper.position_models import MODELS, models_of
 from rampcast.paper.result import lane_change_at_seconds
 from rampcast.traffic.anchors import X
 
+pytestmark = pytest.mark.slow
+
 
 def assert_same(one, other, *, atol=1e-9):
     assert one.x.keys() == other.x.keys()

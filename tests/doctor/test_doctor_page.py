@@ -17,6 +17,8 @@ from tests.doctor import made_up as m
 from tests.paper.report.test_report_page import Links
 from tests.plots.looking import assert_readable, legend_labels
 
+pytestmark = pytest.mark.slow
+
 REPORT = ReadReport(("a <b>.csv",), ("some form",), rows_read=30_000, sizes_filled=12)
 
 

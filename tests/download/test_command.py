@@ -61,6 +61,7 @@ def test_the_list_of_one_name_is_that_data_set_or_an_error():
     assert "Is ngsim-i80 meant?" in str(wrong.exception)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_is_there_and_says_so(portal, tmp_path):
     portal.misbehaves(".csv", stalls)
     command, environment = rampcast("ngsim-i80", "--out", tmp_path, portal=portal.url)

@@ -12,6 +12,8 @@ from rampcast.models.pooled_driver import fit_pooled_driver, roll_chain
 from rampcast.traffic.platoons import known_lengths
 from tests.models.platoons_made_up import drive
 
+pytestmark = pytest.mark.slow
+
 SPEC = PlatoonForecasterSpec(samples=40, folds=3, correction=CorrectionSpec(trees=20))
 
 

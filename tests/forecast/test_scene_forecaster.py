@@ -13,6 +13,8 @@ from rampcast.models.correction import CorrectionSpec
 from rampcast.traffic.merge_scenes import without_target
 from tests.forecast.merges_made_up import LENGTH, merges
 
+pytestmark = pytest.mark.slow
+
 SPEC = PlatoonForecasterSpec(samples=20, folds=3, correction=CorrectionSpec(trees=10))
 
 

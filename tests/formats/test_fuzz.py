@@ -19,6 +19,8 @@ from rampcast.recording import read_recording
 from tests.formats.reading import check_recordings, damaged_files, read_or_refuse
 from tests.formats.samples import samples
 
+pytestmark = pytest.mark.slow
+
 IS_THOROUGH = os.environ.get("RAMPCAST_FUZZ") == "thorough"
 FUZZ = settings(
     max_examples=1000 if IS_THOROUGH else 20,

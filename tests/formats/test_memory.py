@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "bench_fuzz_memory.py"
 SIZE = 4 << 20  # [bytes]
 CHOSEN = ("a quote never closed", "json of holes of days", "CommonRoad of what is nothing", "a gzip bomb of zeros")

@@ -92,6 +92,7 @@ def test_the_law_of_a_driver_behind_a_given_leader_is_what_a_plain_loop_makes_of
         np.testing.assert_allclose(found[:, step], x, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_disturbance_that_is_not_there_is_small_and_one_that_is_is_found():
     found = {}
     for noise in (0.0, 1.0):

@@ -70,6 +70,7 @@ def test_an_element_without_an_end_is_not_gathered_for_ever(tmp_path, monkeypatc
         elements(b"[[" + b"1," * 1_000_000, tmp_path)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch):
     monkeypatch.setattr(json_array, "CHUNK", 1 << 16)
     path = tmp_path / "vehicles.json"
