@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from rampcast.doctor import CHECKS, Severity, doctor, examine
+from rampcast.doctor.checks.reading import OF_FILES, OF_ROWS
 from rampcast.doctor.jumps import BESIDE, NOISE, jumps
 from rampcast.formats import ReadReport, read_any
 from rampcast.recording import clean, concatenate, read_recording
@@ -28,6 +29,12 @@ def test_checks_are_named_once_and_say_what_counts_what_to_do_and_why():
         assert check.advice.endswith((".", "`).")), check.name
         assert check.why, check.name
         assert check.notes <= check.warns <= check.spoils, check.name
+
+
+def test_every_check_is_made_by_the_function_of_its_name_or_counted_in_reading():
+    for check in CHECKS:
+        own = check.look.__name__ == check.name and check.look.__module__.startswith("rampcast.doctor.checks.")
+        assert own or (check.name in OF_FILES and check.name not in OF_ROWS), check.name
 
 
 def test_what_reading_counted_in_files_of_two_roads_is_said_once_and_spoils_neither():

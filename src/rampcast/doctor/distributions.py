@@ -8,8 +8,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION, FASTEST, LARGEST_JERK
+from rampcast.doctor.checks.motion import FASTEST, LARGEST_JERK
 from rampcast.doctor.subject import Subject
+from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
@@ -19,7 +20,7 @@ UNITS = {"speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³"}
 LABELS = {"speed": "speed v [m/s]", "acceleration": "acceleration a [m/s²]", "jerk": "jerk [m/s³]"}
 LIMITS = {
     "speed": (FASTEST,),
-    "acceleration": (CLIPPED_ACCELERATION, IMPOSSIBLE_ACCELERATION),
+    "acceleration": (RECORDED_LIMIT, IMPOSSIBLE_ACCELERATION),
     "jerk": (LARGEST_JERK,),
 }
 # From, to and bars of the pictures; what lies beyond is counted in the outermost bars.

@@ -48,6 +48,9 @@ class NotAssessed:
     reason: str
 
 
+NOT_SMOOTHED = NotAssessed("the recording cannot be smoothed")
+
+
 @dataclass(frozen=True)
 class Check:
     """One of the doctor's checks.
@@ -67,11 +70,11 @@ class Check:
     name: str
     title: str
     counted: str
-    measured: str
     limit: str
     advice: str
     why: str
     look: Callable[[Subject], Faults | NotAssessed]
+    measured: str = ""
     notes: float = 0.0
     warns: float = math.inf
     spoils: float = math.inf

@@ -18,12 +18,8 @@ TIMELINE_BARS = 150
 MOST_TIMELINES = 3  # windows: those with most places
 # Findings whose places are everywhere or tell of the end of a track: they would hide all others in the pictures.
 NOT_SHOWN = (
-    "hard_accelerations",
-    "raw_accelerations",
-    "cut_tracks",
-    "unseen_merges",
-    "short_stays",
-    "virtual_neighbours",
+    *("hard_accelerations", "raw_accelerations", "cut_tracks"),
+    *("unseen_merges", "short_stays", "virtual_neighbours"),
 )
 
 
@@ -77,9 +73,8 @@ def _worst(rows: pl.DataFrame, places: pl.DataFrame) -> tuple[str, int, float]:
     begin = rows.select(pl.col("t").min()).item()
     minutes = where.with_columns(minute=((pl.col("t") - begin) / SHOWN_TIME).floor())
     each = minutes.group_by(c.RECORDING, c.LANE, "minute").agg(pl.col("weight").sum())
-    best = each.sort(["weight", c.RECORDING, "minute", c.LANE], descending=[True, False, False, False]).row(
-        0, named=True
-    )
+    order = each.sort("weight", c.RECORDING, "minute", c.LANE, descending=[True, False, False, False])
+    best = order.row(0, named=True)
     return str(best[c.RECORDING]), int(best[c.LANE]), float(begin + best["minute"] * SHOWN_TIME)
 
 
@@ -92,15 +87,8 @@ def _lateral(subject: Subject) -> pl.DataFrame:
 
 
 def _lanes(subject: Subject) -> pl.DataFrame:
-    lanes = subject.recording.site.lanes
-    return pl.DataFrame(
-        {
-            "lane": [lane.number for lane in lanes],
-            "role": [lane.role for lane in lanes],
-            "centre": [lane.centre for lane in lanes],
-        },
-        schema={"lane": pl.Int16(), "role": pl.String(), "centre": pl.Float64()},
-    )
+    lanes = [(lane.number, lane.role, lane.centre) for lane in subject.recording.site.lanes]
+    return pl.DataFrame(lanes, {c.LANE: pl.Int16(), "role": pl.String(), "centre": pl.Float64()}, orient="row")
 
 
 def _timeline(subject: Subject, places: pl.DataFrame) -> pl.DataFrame:

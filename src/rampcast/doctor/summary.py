@@ -13,10 +13,10 @@ import polars as pl
 from jaxtyping import Bool, Float, Shaped
 
 from rampcast.arguments import expected
-from rampcast.doctor.checks.motion import CLIPPED_ACCELERATION
 from rampcast.doctor.checks.ramp import seen_long
 from rampcast.doctor.subject import READ_FIRST, Subject, subject_of
 from rampcast.notebook import html_table
+from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
 from rampcast.recording.recording import Recording
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
@@ -231,7 +231,7 @@ def _accelerations(stage: str, values: Float[np.ndarray, "row"]) -> dict[str, Bo
     size = np.abs(values)  # NaN is not above
     return {
         f"impossible_{stage}": size > IMPOSSIBLE_ACCELERATION,
-        f"clipped_{stage}": size > CLIPPED_ACCELERATION,
+        f"clipped_{stage}": size > RECORDED_LIMIT,
         f"accelerations_{stage}": np.isfinite(size),
     }
 

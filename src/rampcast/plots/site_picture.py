@@ -18,6 +18,7 @@ from rampcast.recording import columns as c
 from rampcast.roads.reference import in_plane, reference_line
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
+from rampcast.traffic import on_ramp_vehicles
 
 WIDTH = 10.0  # [inch]
 ROAD_HEIGHT = 3.7  # [inch] of the panel along the road
@@ -68,10 +69,12 @@ def _some_tracks(recording: Recording) -> pl.DataFrame:
     """Returns the tracks of some vehicles, spread over the recording, those of the ramp preferred."""
     vehicles = (
         recording.tracks.group_by(c.RECORDING, c.VEHICLE)
-        .agg(first=pl.col(c.FRAME).min(), ramp=pl.col(c.LANE).is_in(recording.site.ramp_lanes).any(), rows=pl.len())
-        .sort("ramp", c.RECORDING, "first", c.VEHICLE)
+        .agg(first=pl.col(c.FRAME).min(), rows=pl.len())
+        .sort(c.RECORDING, "first", c.VEHICLE)
     )
-    ramp, others = vehicles.filter("ramp"), vehicles.filter(~pl.col("ramp"))
+    merging, key = on_ramp_vehicles(recording), (c.RECORDING, c.VEHICLE)
+    ramp = vehicles.join(merging, on=key, how="semi", maintain_order="left")
+    others = vehicles.join(merging, on=key, how="anti", maintain_order="left")
     few = min(ramp.height, max(VEHICLES // 3, VEHICLES - others.height))
     chosen = pl.concat([_spread(ramp, few), _spread(others, VEHICLES - few)])
     every = max(int(chosen["rows"].to_numpy().max(initial=1)) // STEPS, 1)

@@ -45,7 +45,7 @@ def impossible_sizes(subject: Subject) -> Faults:
     return Faults(subject.places(rows, length[rows]), of=len(length))
 
 
-def out_of_order(subject: Subject) -> Faults:
+def time_backwards(subject: Subject) -> Faults:
     """Returns the rows whose frame is before that of the row above, of the same vehicle; the value is how far [s]."""
     tracks, same = subject.recording.tracks, [c.RECORDING, c.VEHICLE]
     back = pl.when(pl.all_horizontal(pl.col(name) == pl.col(name).shift(1) for name in same)).then(

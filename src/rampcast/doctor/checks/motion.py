@@ -4,13 +4,13 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from rampcast.doctor.finding import Faults, NotAssessed
+from rampcast.doctor.finding import NOT_SMOOTHED, Faults, NotAssessed
 from rampcast.doctor.places import no_places
 from rampcast.doctor.subject import Subject
+from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
-CLIPPED_ACCELERATION = 3.41  # [m/s^2] = 11.2 ft/s^2, where NGSIM clips its own v_Acc; method page, section 3
 FASTEST = 70.0  # [m/s] 252 km/h: the speed to which makers limit most fast cars is 250 km/h
 LARGEST_JERK = 15.0  # [m/s^3] Punzo, Borzacchiello and Ciuffo 2011, Transportation Research C 19, their limit for NGSIM
 BACKING = -1.0  # [m/s] faster backwards than the noise of a vehicle that stands
@@ -19,7 +19,7 @@ LONG_STAND = 60.0  # [s] a standing wave of stop-and-go traffic passes a vehicle
 STANDS = 2.0  # [m] over which a standing vehicle may seem to move
 
 
-def unsmoothable(subject: Subject) -> Faults:
+def cannot_smooth(subject: Subject) -> Faults:
     """Returns one if the recording cannot be smoothed, with the reason."""
     return Faults(no_places(), of=1, count=int(subject.cleaned is None), detail=subject.why_not)
 
@@ -30,7 +30,7 @@ def teleports(subject: Subject) -> Faults:
     return Faults(subject.places(rows, subject.jump[rows]), of=len(subject.step))
 
 
-def speeds(subject: Subject) -> Faults:
+def impossible_speeds(subject: Subject) -> Faults:
     """Returns the rows reached faster than 70 m/s, but for jumps; the value is the speed [m/s]."""
     rows = np.flatnonzero((np.abs(subject.speed) > FASTEST) & (subject.jump == 0))  # NaN is not above
     return Faults(subject.places(rows, subject.speed[rows]), of=len(subject.step))
@@ -54,13 +54,13 @@ def accelerations(subject: Subject) -> Faults | NotAssessed:
 
 def hard_accelerations(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with |a| above 3.41 m/s^2, but not above 8, after smoothing; the value is a [m/s^2]."""
-    return _smoothed_accelerations(subject, above=CLIPPED_ACCELERATION, to=IMPOSSIBLE_ACCELERATION)
+    return _smoothed_accelerations(subject, above=RECORDED_LIMIT, to=IMPOSSIBLE_ACCELERATION)
 
 
 def jerks(subject: Subject) -> Faults | NotAssessed:
     """Returns the rows with a jerk above 15 m/s^3 after smoothing; the value is the jerk [m/s^3]."""
     if subject.cleaned is None:
-        return _not_smoothed()
+        return NOT_SMOOTHED
     known = int(np.count_nonzero(np.isfinite(subject.jerk)))
     if not known:
         return NotAssessed("no vehicle has two rows in a row after smoothing")
@@ -74,7 +74,7 @@ def backing(subject: Subject) -> Faults | NotAssessed:
     Vehicles that go backwards all the way are another finding and are left out here.
     """
     if subject.cleaned is None:
-        return _not_smoothed()
+        return NOT_SMOOTHED
     against = subject.tracks[subject.starts[_moved(subject) < REVERSED]].select(c.VEHICLE, c.RECORDING)
     against = against.with_columns(against[c.RECORDING].cast(pl.String))
     rows = subject.cleaned.tracks.with_row_index("row")
@@ -106,11 +106,7 @@ def _moved(subject: Subject) -> Float[np.ndarray, "vehicle"]:
 
 def _smoothed_accelerations(subject: Subject, *, above: float, to: float = np.inf) -> Faults | NotAssessed:
     if subject.cleaned is None:
-        return _not_smoothed()
+        return NOT_SMOOTHED
     values = subject.cleaned.tracks[c.A].to_numpy()
     rows = np.flatnonzero((np.abs(values) > above) & (np.abs(values) <= to))
     return Faults(subject.smoothed_places(rows, values[rows]), of=len(values))
-
-
-def _not_smoothed() -> NotAssessed:
-    return NotAssessed("the recording cannot be smoothed")

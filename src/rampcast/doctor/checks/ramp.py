@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
-from rampcast.doctor.finding import Faults, NotAssessed
+from rampcast.doctor.finding import NOT_SMOOTHED, Faults, NotAssessed
 from rampcast.doctor.places import no_places
 from rampcast.doctor.subject import Subject
 from rampcast.horizon import FUTURE, PAST, STEP
@@ -22,7 +22,7 @@ EDGE_QUANTILE = 0.1  # of where tracks begin or end: that is where the section b
 CLOCK_EDGE = 1.0  # [s] from a begin or end of the recording: tracks are cut there by the clock
 
 
-def history(subject: Subject) -> Faults | NotAssessed:
+def no_history(subject: Subject) -> Faults | NotAssessed:
     """Returns one if no vehicle is seen for 4 s in a row in a ramp lane."""
     reason = _why_no_scenes(subject)
     if reason and reason != NO_HISTORY:
@@ -102,7 +102,7 @@ def _why_no_scenes(subject: Subject) -> str:
     if not subject.recording.site.has_ramp:
         return NO_RAMP
     if subject.cleaned is None:
-        return "the recording cannot be smoothed"
+        return NOT_SMOOTHED.reason
     return "" if len(subject.anchors) else NO_HISTORY
 
 

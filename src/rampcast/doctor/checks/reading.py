@@ -34,49 +34,36 @@ def duplicates(subject: Subject) -> Faults:
     removed = subject.report.duplicates if subject.report else 0
     places = subject.places(_kept(subject, subject.repeats), np.ones(subject.repeats.height))
     detail = f"{removed:,} of them were removed when the files were read" if removed else ""
-    return Faults(places, of=_rows(subject) + removed, count=removed + places.height, detail=detail)
+    return Faults(places, of=subject.recording.tracks.height + removed, count=removed + places.height, detail=detail)
 
 
-def conflicts(subject: Subject) -> Faults:
+def conflicting_duplicates(subject: Subject) -> Faults:
     """Returns the repeats that differ from the row that was kept in position or lane."""
     removed = subject.report.conflicting_duplicates if subject.report else 0
     if not subject.repeats.height:
-        return Faults(no_places(), of=_rows(subject) + removed, count=removed)
+        return Faults(no_places(), of=subject.recording.tracks.height + removed, count=removed)
     differing = subject.repeats.join(subject.tracks, on=KEY, how="left", suffix="_kept", maintain_order="left").filter(
         pl.any_horizontal(pl.col(name) != pl.col(f"{name}_kept") for name in (c.X, c.Y, c.LANE))
     )
     apart = (differing[c.X] - differing[f"{c.X}_kept"]).to_numpy()
     places = subject.places(_kept(subject, differing), apart)
-    return Faults(places, of=_rows(subject) + removed, count=removed + places.height)
-
-
-def malformed(subject: Subject) -> Faults | NotAssessed:
-    """Returns the rows that are not as their format says."""
-    report = _original(subject.report)
-    return report if isinstance(report, NotAssessed) else _in_report(report, "malformed_rows")
+    return Faults(places, of=subject.recording.tracks.height + removed, count=removed + places.height)
 
 
 def counted(name: str) -> Callable[[Subject], Faults | NotAssessed]:
     """Returns a check of one of the counts of a `ReadReport`."""
-
-    def look(subject: Subject) -> Faults | NotAssessed:
-        report = _original(subject.report)
-        return report if isinstance(report, NotAssessed) else _in_report(report, name)
-
-    return look
+    return lambda subject: in_files(subject.report, name)
 
 
 def in_files(report: ReadReport | None, check: str) -> Faults | NotAssessed:
-    """Returns what reading found of a check where the files hold several roads: of all of them together."""
+    """Returns what reading found of a check, in all roads of the files together."""
     original = _original(report)
-    return original if isinstance(original, NotAssessed) else _in_report(original, check)
-
-
-def _in_report(report: ReadReport, check: str) -> Faults:
+    if isinstance(original, NotAssessed):
+        return original
     is_malformed = check == "malformed_rows"
-    count = report.rows_skipped if is_malformed else getattr(report, check)
-    detail = "; ".join(str(row) for row in report.skipped[:SHOWN_ROWS]) if is_malformed else ""
-    return Faults(no_places(), of=max(report.rows_read, count), count=count, detail=detail)  # a row may hold several
+    count = original.rows_skipped if is_malformed else getattr(original, check)
+    detail = "; ".join(str(row) for row in original.skipped[:SHOWN_ROWS]) if is_malformed else ""
+    return Faults(no_places(), of=max(original.rows_read, count), count=count, detail=detail)  # a row may hold several
 
 
 def _original(report: ReadReport | None) -> ReadReport | NotAssessed:
@@ -86,10 +73,6 @@ def _original(report: ReadReport | None) -> ReadReport | NotAssessed:
     if OWN_FORM in report.forms:
         return NotAssessed("a converted recording does not keep what reading the original found; examine the original")
     return report
-
-
-def _rows(subject: Subject) -> int:
-    return subject.recording.tracks.height
 
 
 def _kept(subject: Subject, repeats: pl.DataFrame) -> Int[np.ndarray, "repeat"]:

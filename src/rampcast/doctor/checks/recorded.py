@@ -16,6 +16,7 @@ MOVING = 3.0  # [m/s] slower vehicles tell nothing of a ratio
 FEWEST = 20  # rows that a ratio needs
 SHARE_AT_LIMIT = 0.001  # rows at exactly the largest value from which it is a limit and no chance
 SAME = 1e-3  # [m/s^2]
+SAME_RATIO = 0.03  # share by which a ratio may miss a unit
 UNITS = {"km/h": 1 / KILOMETRE_PER_HOUR, "miles per hour": 1 / MILE_PER_HOUR, "feet per second": 1 / FOOT}
 
 
@@ -27,7 +28,7 @@ def recorded_speeds(subject: Subject) -> Faults | NotAssessed:
     rows, recorded, derived = compared
     off = recorded - derived
     ratio = speed_ratio(recorded, derived)
-    unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < 0.03), "")
+    unit = unit_of_speed(ratio)
     detail = f"in the median, recorded speeds are {ratio:.2f} times the derived ones" if np.isfinite(ratio) else ""
     detail += f": the recorded ones look like {unit}" if unit else ""
     found = np.abs(off) > SPEED_LIMIT
@@ -91,6 +92,11 @@ def speed_ratio(recorded: Float[np.ndarray, "row"], derived: Float[np.ndarray, "
     """Returns the median ratio of recorded to derived speed of moving vehicles; NaN if there are too few."""
     moving = np.abs(derived) > MOVING
     return float(np.median(recorded[moving] / derived[moving])) if moving.sum() >= FEWEST else float("nan")
+
+
+def unit_of_speed(ratio: float) -> str:
+    """Returns the unit in which recorded speeds are that are so many times those in m/s; "" if it is none known."""
+    return next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < SAME_RATIO), "")
 
 
 def _recorded(subject: Subject, column: str, what: str) -> Float[np.ndarray, "row"] | NotAssessed:

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from rampcast.doctor.checks.motion import FASTEST
-from rampcast.doctor.checks.recorded import UNITS, compared_speeds, speed_ratio
+from rampcast.doctor.checks.recorded import FEWEST, compared_speeds, speed_ratio, unit_of_speed
 from rampcast.doctor.finding import Faults, NotAssessed
 from rampcast.doctor.places import VALUE, moments
 from rampcast.doctor.subject import Subject
@@ -17,10 +17,8 @@ from rampcast.recording import columns as c
 
 CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
 LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide
-FEWEST = 20  # rows in a lane that tell where it is
 LEAST_SHARE = 0.01  # of all rows: a lane of fewer may be no more than wrong labels
 RATIO = (0.8, 1.25)  # of recorded to derived speed; beyond, and in no known unit, the time step is wrong
-SAME = 0.03  # share by which a ratio may miss a unit
 # What a value must be multiplied with if it was taken for metres and is in that unit.
 LENGTH_UNITS = {"feet": FOOT, "centimetres": 0.01, "feet, converted to metres twice": 1 / FOOT}
 
@@ -89,8 +87,9 @@ def _time_step(subject: Subject) -> Iterator[_Measured]:
     if isinstance(compared, NotAssessed):
         return
     ratio = speed_ratio(*compared[1:])
-    is_unit = any(abs(ratio / factor - 1) < SAME for factor in UNITS.values())
-    if math.isfinite(ratio) and not is_unit:  # a recorded speed in another unit spoils nothing: it is only compared
+    if math.isfinite(ratio) and not unit_of_speed(
+        ratio
+    ):  # a recorded speed in another unit spoils nothing: it is only compared
         seems = f"positions or time step are off by a factor of {1 / ratio:.3g}" if ratio else "nothing moved"
         yield _Measured("recorded speed over derived speed", ratio, RATIO, seems)
 
