@@ -109,7 +109,7 @@ def samples() -> dict[str, Sample]:
             files = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
         site = replace(SITE, reference=()) if not writer.curved and name == "plain" else writer.site_of(SITE)
         found[name] = Sample(name, {file: _shorter(text) for file, text in files.items()}, given, site)
-        if given[0].endswith(".csv"):
+        if given[0].endswith(".csv") and writer.is_table:
             found[f"{name} parquet"] = _as_parquet(found[name])
     found["sumo parquet"] = _as_parquet(found["sumo csv"], separator=";")
     return found

@@ -12,6 +12,8 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
 
 import polars as pl
 import pytest
@@ -109,6 +111,14 @@ def tables(format: str, name: str, faults, site: Site | None = None, *, escape: 
         Fault(format, what, {name: encoded(content)}, re.escape(message) if escape else message, (), site, named)
         for what, (content, message) in faults.items()
     ]
+
+
+def of_readers() -> list[Fault]:
+    """Returns the faults of each reader whose test says in FILE what its tables of (content, message) are called."""
+    modules = {name: f"tests.formats.readers.test_{name}" for name in FORMATS}
+    tests = {name: import_module(module) for name, module in modules.items() if find_spec(module)}
+    found = [(name, test) for name, test in tests.items() if hasattr(test, "FILE")]
+    return [fault for name, test in found for fault in tables(name, test.FILE, test.FAULTS, test.SITE)]
 
 
 def i24() -> list[Fault]:
@@ -354,6 +364,7 @@ FAULTS = [
     *described("highd", test_highd, None),
     *described("exid", test_exid, test_exid.EASTBOUND),
     *interaction(),
+    *of_readers(),
     *tables("tgsim", "tgsim.csv", test_tgsim.FAULTS, test_tgsim.site()),
     *tables("tgsim", "tgsim.csv", test_tgsim.WHOLE_FILES, test_tgsim.site()),
     *tables("plain", "table.csv", test_plain.FAULTS, named=False),

@@ -20,6 +20,7 @@ from rampcast.formats.readers.levelx.highd import HIGHD
 from rampcast.formats.readers.ngsim.ngsim import NGSIM
 from rampcast.formats.readers.own import OWN
 from rampcast.formats.readers.plain.plain import PLAIN
+from rampcast.formats.readers.pneuma import PNEUMA
 from rampcast.formats.readers.sumo.fcd import SUMO
 from rampcast.formats.readers.tgsim import TGSIM
 from rampcast.sites.values import close_name
@@ -37,6 +38,7 @@ FORMATS: dict[str, Format] = {
         CITYSIM,
         PLAIN,
         TGSIM,
+        PNEUMA,
         SUMO,
         I24,
         I24_MVT,

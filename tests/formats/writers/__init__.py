@@ -9,7 +9,19 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.sites import Site
 from tests import ngsim_writer
-from tests.formats.writers import citysim, commonroad, exid, highd, i24, i24_mvt, interaction, plain, sumo, tgsim
+from tests.formats.writers import (
+    citysim,
+    commonroad,
+    exid,
+    highd,
+    i24,
+    i24_mvt,
+    interaction,
+    plain,
+    pneuma,
+    sumo,
+    tgsim,
+)
 from tests.formats.writers.common import lanes_by_number
 
 
@@ -25,6 +37,7 @@ class Writer:
         kinds: kinds that the format cannot tell apart, and what they come back as; all others as they are.
         without: columns that the format does not have: they come back as something sensible, not as they were.
         curved: whether positions are in a plane, where the road may bend; else they are along the road.
+        is_table: whether a csv of the format may as well be a parquet file.
     """
 
     write: Callable[[Recording, Path], list[Path]]
@@ -36,6 +49,7 @@ class Writer:
     kinds: Mapping[str, str] = field(default_factory=dict)
     without: tuple[str, ...] = ()
     curved: bool = False
+    is_table: bool = True
 
 
 WRITERS: dict[str, Writer] = {
@@ -65,6 +79,17 @@ WRITERS: dict[str, Writer] = {
         size=0.005,
         site_of=lanes_by_number,
         curved=True,
+    ),
+    "pneuma": Writer(
+        pneuma.write_pneuma,
+        x=1.0,  # half a truck's typical length lies ahead along the motion: simulated vehicles slide sideways
+        y=2.4,
+        size=0.0,
+        site_of=pneuma.site_of,
+        lanes_by_place=True,
+        without=(c.LENGTH, c.WIDTH),
+        curved=True,
+        is_table=False,
     ),
     "exid": Writer(
         exid.write_exid,

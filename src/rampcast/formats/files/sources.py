@@ -73,7 +73,9 @@ class _Unpacked(BufferedIOBase):
         return data
 
 
-def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iterator[bytes]:
+def read_chunks(
+    name: str, stream: BufferedIOBase, *, size: int = CHUNK, longest_line: int = LONGEST_LINE
+) -> Iterator[bytes]:
     """Yields the stream in chunks of about `size` bytes, each of whole lines.
 
     Raises:
@@ -81,26 +83,26 @@ def read_chunks(name: str, stream: BufferedIOBase, *, size: int = CHUNK) -> Iter
     """
     while True:
         try:
-            chunk = _read_lines(stream, size)
+            chunk = _read_lines(stream, size, longest_line)
         except DAMAGED as error:
             raise FormatError(f"{name}: the archive is damaged or cut off ({error}); get the file again") from error
         if not chunk:
             return
-        if len(chunk) > size + LONGEST_LINE - 1:
+        if len(chunk) > size + longest_line - 1:
             raise FormatError(
-                f"{name}: more than {LONGEST_LINE:,} bytes without a line end; expected a text file with one row per "
+                f"{name}: more than {longest_line:,} bytes without a line end; expected a text file with one row per "
                 "line. Is this a binary file?"
             )
         yield chunk
 
 
-def _read_lines(stream: BufferedIOBase, size: int) -> bytes:
+def _read_lines(stream: BufferedIOBase, size: int, longest_line: int) -> bytes:
     """Returns the next `size` bytes and the rest of the line that they end in."""
     if not stream.seekable():
-        return stream.read(size) + stream.readline(LONGEST_LINE)
+        return stream.read(size) + stream.readline(longest_line)
     start = stream.tell()  # to look first where the line ends saves a copy, which takes longer than reading
     stream.seek(start + size)
-    rest = len(stream.readline(LONGEST_LINE))
+    rest = len(stream.readline(longest_line))
     stream.seek(start)
     return stream.read(size + rest)
 

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
-from rampcast.formats.steps.places import one_place
+from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
@@ -84,10 +83,7 @@ def _video(path: Path) -> tuple[str, str]:
 def _place(paths: Sequence[Path]) -> str:
     videos = [_video(path) for path in paths]
     place = one_place(paths, [place for place, _ in videos])
-    numbers = [number for _, number in videos]
-    for index, (path, number) in enumerate(zip(paths, numbers, strict=True)):
-        if number in numbers[:index]:
-            raise FormatError(f"{path}: there are two files of video {number}; give each once")
+    different_names(paths, [number for _, number in videos])
     return place
 
 

@@ -16,7 +16,7 @@ from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
 from rampcast.formats.steps.clock import check_one_step, whole_frames
-from rampcast.formats.steps.places import one_place
+from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
 from rampcast.formats.tables.columns import SHOWN, Column, Rows
 from rampcast.formats.tables.rows import read_rows
@@ -88,10 +88,7 @@ def _place(paths: Sequence[Path]) -> str:
     """Returns the name of the place, which folders or files have in INTERACTION; "" where they have none."""
     found = [SCENARIO.search(path.stem) or SCENARIO.search(path.absolute().parent.name) for path in paths]
     places = [match.group() if match else "" for match in found]
-    names = [path.stem for path in paths]
-    for path in paths:
-        if names.count(path.stem) > 1:
-            raise FormatError(f"{path}: there are two files of this name; name each another way to tell them apart")
+    different_names(paths, [path.stem for path in paths])
     return one_place(paths, places)
 
 

@@ -6,20 +6,17 @@ Source of columns and codes: the data sets' pages on data.transportation.gov; se
 
 from collections.abc import Sequence
 
-import numpy as np
 import polars as pl
-from jaxtyping import Bool
 
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
 from rampcast.formats.steps.clock import numbered
-from rampcast.formats.steps.motion import directions
+from rampcast.formats.steps.motion import with_fronts
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.order import is_sorted
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import as_words
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
@@ -110,19 +107,14 @@ def _code(name: str) -> str:
 
 
 def _in_plane(rows: pl.DataFrame) -> pl.DataFrame:
-    """Returns the rows with front centres: half a length ahead of the centre in the direction of travel."""
-    key = rows.select(pl.col("run").alias(c.RECORDING), pl.col("id").alias(c.VEHICLE), c.FRAME)
-    rows = rows if is_sorted(key) else rows.sort("run", "id", c.FRAME)
-    track = np.cumsum(_starts(rows))
-    ux, uy = directions(track, rows["px"].to_numpy(), rows["py"].to_numpy(), time_step=TIME_STEP)
-    half = rows[c.LENGTH].to_numpy() / 2
-    return rows.select(
+    """Returns the rows as those of a plane, with front centres."""
+    centres = rows.select(
         pl.col("run").alias(c.RECORDING),
         pl.lit(None, PLANE_SCHEMA[ROAD]).alias(ROAD),
         pl.col("id").alias(c.VEHICLE),
         c.FRAME,
-        (pl.col("px") + pl.Series(ux * half)).alias(PX),
-        (pl.col("py") + pl.Series(uy * half)).alias(PY),
+        pl.col("px").alias(PX),
+        pl.col("py").alias(PY),
         as_words(rows["lane"]).alias(SOURCE_LANE),
         c.LENGTH,
         c.WIDTH,
@@ -130,12 +122,7 @@ def _in_plane(rows: pl.DataFrame) -> pl.DataFrame:
         pl.col("v").alias(c.RECORDED_V),
         pl.col("a").alias(c.RECORDED_A),
     )
-
-
-def _starts(rows: pl.DataFrame) -> Bool[np.ndarray, "row"]:
-    """Returns whether each row is of another run or vehicle than the one before."""
-    run, vehicle = rows["run"].to_physical().to_numpy(), rows["id"].to_numpy()
-    return np.r_[True, (run[1:] != run[:-1]) | (vehicle[1:] != vehicle[:-1])]
+    return with_fronts(centres, time_step=TIME_STEP)
 
 
 TGSIM = Format(

@@ -1,13 +1,35 @@
 """Directions of travel told from positions, for sources that give vehicles no heading."""
 
 import numpy as np
+import polars as pl
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
+
+from rampcast.recording import columns as c
+from rampcast.recording.order import in_order, is_sorted, track_starts
+from rampcast.roads.plane import PX, PY
 
 BLOCK = 1 << 15  # rows done at once: their arrays fit the cache of a core
 AROUND = 0.5  # [s] before and after a moment between which its direction is taken: a lane change takes 3 s and more
 MOST_PLACES = 100_000  # with a known direction that are looked through for a vehicle that never moves
 MOVED = 2.0  # [m] in that time at which a vehicle moves; below, noise of a decimetre would turn it by several degrees
+
+
+def with_fronts(rows: pl.DataFrame, *, time_step: float) -> pl.DataFrame:
+    """Returns rows of a plane whose positions are vehicles' centres, sorted, with the front centres for these.
+
+    The front is half a length ahead of the centre in the direction of travel.
+
+    Args:
+        rows: columns of `PLANE_SCHEMA`, or those that are needed.
+        time_step: between two frames [s].
+    """
+    rows = rows if is_sorted(rows) else rows[in_order(rows)]
+    track = np.zeros(rows.height, np.int64)
+    track[track_starts(rows, slice(None))] = 1
+    ux, uy = directions(np.cumsum(track), rows[PX].to_numpy(), rows[PY].to_numpy(), time_step=time_step)
+    half = rows[c.LENGTH].to_numpy() / 2
+    return rows.with_columns(pl.col(PX) + pl.Series(ux * half), pl.col(PY) + pl.Series(uy * half))
 
 
 def directions(

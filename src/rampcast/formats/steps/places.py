@@ -6,6 +6,28 @@ from pathlib import Path
 from rampcast.errors import FormatError
 
 
+def different_names(
+    paths: Sequence[Path], names: Sequence[str], *, others: str = "or name one another way"
+) -> Sequence[str]:
+    """Returns the names of the parts that the files are, which tell apart vehicles of the same id.
+
+    Args:
+        paths: of the files.
+        names: of the parts.
+        others: what else a user may do than give each file once.
+
+    Raises:
+        FormatError: two parts have the same name.
+    """
+    for path, name in zip(paths, names, strict=True):
+        if names.count(name) > 1:
+            raise FormatError(
+                f"{path}: there are two files called '{name}', for which the parts of the recording are named; give "
+                f"each file once, {others}"
+            )
+    return names
+
+
 def one_place(paths: Sequence[Path], places: Sequence[str]) -> str:
     """Returns the place that all files are of; "" where no name tells one.
 

@@ -17,6 +17,7 @@ from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
 from rampcast.formats.steps.motion import directions
+from rampcast.formats.steps.places import different_names
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
 from rampcast.formats.tables.columns import MOST_NAMES, SHOWN, Column
 from rampcast.formats.tables.rows import read_rows
@@ -142,13 +143,9 @@ def _check_names(paths: Sequence[Path], mapping: TableMapping) -> None:
     """Raises if parts that are named for their files would have the same name: their vehicles would be mixed up."""
     if all("recording" in entries for entries in mapping.vehicles):
         return
-    names = [_part_of(path) for path in paths]
-    for path, name in zip(paths, names, strict=True):
-        if names.count(name) > 1:
-            raise FormatError(
-                f"{path}: there are two files called '{name}', for which the parts of the recording are named; give "
-                "each file once, name one another way, or say in a column 'recording' which part a row is of"
-            )
+    different_names(
+        paths, [_part_of(path) for path in paths], others="say in a column 'recording' which part a row is of"
+    )
 
 
 def _part_of(path: Path) -> str:
