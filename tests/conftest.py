@@ -1,11 +1,19 @@
 """Fixtures that several test modules share."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from rampcast.cli.compiled import keep_compiled_programs
+
 PROJECT = Path(__file__).parents[1]
+
+
+def pytest_configure() -> None:
+    """Keeps compiled programs from one run of the tests to the next, as the commands do; jax is not imported yet."""
+    keep_compiled_programs()
 
 
 @pytest.fixture(scope="session")
@@ -15,3 +23,12 @@ def data_folder() -> Path:
     if not (folder / "real").is_dir():
         pytest.skip("needs the real recordings: set RAMPCAST_DATA to their folder")
     return folder
+
+
+@pytest.fixture(scope="module")
+def double_precision() -> Iterator[None]:
+    """Lets plain functions of jax, which take the precision of their caller, be tested as our programs run them."""
+    from rampcast.compute import computing
+
+    with computing():
+        yield

@@ -1,10 +1,13 @@
-"""Blocks of rows, and the folder for compiled programs."""
+"""Blocks of rows, and programs in double precision."""
 
+import re
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
+import rampcast
 from rampcast import compute as engine
 
 
@@ -23,15 +26,22 @@ def test_a_program_run_over_blocks_gives_the_rows_in_order(rows: int) -> None:
     assert np.array_equal(total, values.sum(axis=1))
 
 
-def test_the_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("RAMPCAST_CACHE", str(tmp_path))
-    assert engine.cache_folder() == tmp_path / "jax"
+def test_a_program_computes_in_double_precision_whatever_the_callers_jax_is_set_to() -> None:
+    with jax.enable_x64(False):
+        assert engine.program(lambda x: x / 3.0)(np.ones(2)).dtype == np.float64
+        (thirds,) = engine.over_blocks(lambda x: (engine.jnp.asarray(x) / 3.0,), (np.ones(200),), sizes=(64,))
+        assert np.array_equal(thirds, np.ones(200) / 3.0)
+        assert engine.jnp.asarray(1.0).dtype == np.float32  # outside, all is as the caller has it
 
 
-def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    assert not engine.keep_compiled_programs(tmp_path / "file" / "jax")
+def test_a_program_may_be_differentiated_and_called_from_another() -> None:
+    square = engine.program(lambda x: x * x)
+    slope = engine.program(jax.jacfwd(lambda x: square(x).sum()))
+    assert np.array_equal(slope(np.array([1.0, 1.0 / 3.0])), np.array([2.0, 2.0 / 3.0]))
 
 
-def test_numbers_are_double_precision() -> None:
-    assert engine.jnp.asarray(1.0).dtype == np.float64
+def test_nobody_else_compiles_or_sets_jax() -> None:
+    for path in Path(rampcast.__file__).parent.rglob("*.py"):
+        if path.name != "compute.py":
+            found = re.findall(r"jax\.jit|jax\.config|enable_x64", path.read_text())
+            assert not found, f"{path} takes {found} from jax: use `program` and `computing`"

@@ -1,29 +1,89 @@
-"""The array engine, set up in one place: take `jax` and `jnp` from here, never from jax itself.
+"""The array engine: jax in double precision while rampcast computes, and untouched before, beside and after.
 
-Double precision is switched on because a fit of six parameters to twenty points is badly conditioned: its normal matrix
-has condition numbers beyond 1e9, more than single precision resolves. Code that wants float32 asks for it by array.
+Importing this module, or any other of rampcast, changes nothing of jax. Double precision is on in the thread that runs
+one of our programs, for as long as it runs: a fit of six parameters to twenty points is badly conditioned, its normal
+matrix has condition numbers beyond 1e9, more than single precision resolves. Code that wants float32 asks for it by
+array. So a program is made by `program`, never by `jax.jit`, and what uses jax outside of one stands under `computing`.
 
-Compiled programs are kept on disk, so that a second run of a command does not compile again: in the folder that the
-environment variable RAMPCAST_CACHE names, else in the user's cache folder. A folder that cannot be written is no error.
+docs/decisions/precision_and_global_state.md says why, and what holds for compiled programs on disk and for forks.
 """
 
 import os
-import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import NamedTuple
+from contextlib import contextmanager
+from functools import wraps
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Shaped
 
-__all__ = ["Block", "blocks", "cache_folder", "jax", "jnp", "keep_compiled_programs", "over_blocks", "padded"]
+from rampcast.errors import RampcastError
+from rampcast.threads import choosing_threads, in_threads
+
+__all__ = [
+    "Block",
+    "blocks",
+    "computing",
+    "jax",
+    "jnp",
+    "over_blocks",
+    "padded",
+    "program",
+]
 
 BLOCK_SIZES = (64, 512, 4096)  # batches are padded to one of these, so that few programs are compiled
-COMPILATION_WORTH_KEEPING = 0.1  # [s]; below this, reading the program from disk saves nothing
+
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+_first_used_in: list[int] = []  # the process that first computed here
+
+
+@contextmanager
+def computing(*, threads: int | None = None) -> Iterator[None]:
+    """Runs what is inside, or a function that it decorates, in double precision; of the caller's jax nothing changes.
+
+    Args:
+        threads: how many threads to work with; see `rampcast.threads`.
+
+    Raises:
+        RampcastError: this process was forked from one that has computed already.
+    """
+    _need_own_engine()
+    with jax.enable_x64(True), choosing_threads(threads):
+        yield
+
+
+def _need_own_engine() -> None:
+    if not _first_used_in:
+        _first_used_in.append(os.getpid())
+    elif _first_used_in[0] != os.getpid():
+        raise RampcastError(
+            "this process was forked from one in which rampcast had computed: the threads of the array engine are not "
+            "copied by a fork, and it would wait for them for ever; start processes with "
+            "multiprocessing.get_context('spawn'), or fork before the first forecast or fit"
+        )
+
+
+def program(
+    function: Callable[Parameters, Result], *, static_argnums: int | tuple[int, ...] = ()
+) -> Callable[Parameters, Result]:
+    """Returns the function compiled, to run in double precision; see `computing`.
+
+    Args:
+        function: takes and returns arrays.
+        static_argnums: which of its arguments are no arrays; each value of them is compiled for.
+    """
+    compiled = jax.jit(function, static_argnums=static_argnums)
+
+    @wraps(function)
+    def run(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
+        with computing():
+            return compiled(*arguments, **named)
+
+    return run
 
 
 class Block(NamedTuple):
@@ -59,7 +119,7 @@ def over_blocks(
     *,
     sizes: tuple[int, ...] = BLOCK_SIZES,
 ) -> tuple[Shaped[np.ndarray, "row ..."], ...]:
-    """Returns what a compiled program gives for all rows, having run it block by block, one block a processor core.
+    """Returns what a compiled program gives for all rows, having run it block by block, one block a thread.
 
     Args:
         program: takes one array for each of `rows` and returns arrays with as many rows.
@@ -67,49 +127,11 @@ def over_blocks(
         sizes: row counts that the program is compiled for.
     """
 
+    @computing()
     def run(block: Block) -> list[np.ndarray]:
         return [np.asarray(part)[: block.stop - block.start] for part in program(*(padded(row, block) for row in rows))]
 
     first, *others = blocks(len(rows[0]), sizes=sizes)
     parts = [run(first)]  # before the others, so that no two threads compile the same program
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        parts.extend(threads.map(run, others))
+    parts.extend(in_threads(run, others))
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
-
-
-def cache_folder() -> Path:
-    """Returns the folder for compiled programs: RAMPCAST_CACHE, or the platform's cache folder."""
-    if named := os.environ.get("RAMPCAST_CACHE"):
-        return Path(named) / "jax"
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "rampcast" / "jax"
-
-
-def keep_compiled_programs(folder: Path) -> bool:
-    """Lets jax keep its compiled programs in that folder; returns False, changing nothing, if it cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:
-        return False
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", COMPILATION_WORTH_KEEPING)
-    return True
-
-
-def _set_up() -> None:
-    jax.config.update("jax_enable_x64", True)
-    try:
-        folder = cache_folder()
-    except RuntimeError:  # no home folder is known
-        return
-    keep_compiled_programs(folder)
-
-
-_set_up()

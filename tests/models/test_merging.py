@@ -17,6 +17,8 @@ from rampcast.models.merging import (
     person_periods,
 )
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 STEPS = 75
 
 

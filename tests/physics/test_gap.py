@@ -1,6 +1,10 @@
 """Distances have the sign that their docstrings give."""
 
+import pytest
+
 from rampcast.physics.gap import front_gap, net_gap
+
+pytestmark = pytest.mark.usefixtures("double_precision")
 
 
 def test_the_front_gap_is_positive_while_the_leader_is_ahead():

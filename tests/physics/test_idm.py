@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from rampcast.physics.idm import BOUNDS, FALLBACK, PUBLISHED, Parameters, acceleration, desired_gap, limits
 from rampcast.physics.minimums import MINIMUM_GAP, MINIMUM_SPEED
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 # Table I of Treiber, Hennecke and Helbing 2000: s_0 = 2 m, T = 1.6 s, a = 0.73, b = 1.67 m/s^2, v_0 = 120 km/h.
 TREIBER = Parameters(2.0, 1.6, 0.73, 1.67, 120.0 / 3.6, 4.0)
 DRIVERS = st.builds(Parameters, *(st.floats(bound.low, bound.high) for bound in BOUNDS))

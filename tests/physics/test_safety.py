@@ -16,6 +16,8 @@ from rampcast.physics.safety import (
     time_to_collision,
 )
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 GAPS = st.floats(0.1, 200.0)
 SPEEDS = st.floats(0.0, 40.0)
 few = settings(deadline=None, max_examples=60)

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 
 from rampcast.benchmark.cases import Cases
+from rampcast.compute import jax
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
 from rampcast.horizon import FUTURE, PAST, STEP

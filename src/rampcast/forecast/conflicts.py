@@ -11,7 +11,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.horizon import STEP
 from rampcast.physics.safety import (
     LEAST_POST_ENCROACHMENT,
@@ -65,7 +65,7 @@ def conflicts(
     return Conflicts(*over_blocks(_shares, rows, sizes=BLOCKS))
 
 
-@jax.jit
+@program
 def _shares(
     x: Float[ArrayLike, "row sample step"],
     rear: Float[ArrayLike, "row sample step"],

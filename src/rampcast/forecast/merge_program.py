@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.compute import jax, jnp
+from rampcast.compute import jax, jnp, program
 from rampcast.forecast.platoon_roll_out import FAR
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY, UNKNOWN_OFFSET, Beside, merge_features
@@ -287,7 +287,7 @@ def _begin(
     return _State(lanes[0], lanes[1], nothing > 0.0, nothing, waited), scene
 
 
-@jax.jit
+@program
 def merging(
     noise: Float[Array, "step slot sample"],
     threshold: Float[Array, "own sample"],
@@ -332,7 +332,7 @@ def merging(
     return (*(values.transpose(2, 1, 0) for values in found), merge_step.T, entered.T, chance.T)
 
 
-@jax.jit
+@program
 def waiting(
     noise: Float[Array, "step slot sample"],
     threshold: Float[Array, "own sample"],

@@ -13,7 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance, fit_disturbance, residual_now
 from rampcast.models.drivers import DriverPrior, fit_drivers, posteriors
@@ -154,7 +154,7 @@ def drawn_drivers(
     return np.minimum(drawn, weights.shape[2] - 1).astype(np.int32)
 
 
-@jax.jit
+@program
 def _sampled(
     noise: Float[Array, "step place sample"],
     drivers: Float[Array, "driver param"],

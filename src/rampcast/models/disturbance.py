@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rampcast.compute import computing
 from rampcast.horizon import STEP
 from rampcast.models.drivers import DriverPrior, behind_leader, posterior
 from rampcast.physics import idm
@@ -63,6 +64,7 @@ def fit_disturbance(
     return min((_given(persistence, start, beyond) for persistence in PERSISTENCES), key=lambda found: found[0])[1]
 
 
+@computing()
 def residual_now(
     prior: DriverPrior, platoons: Platoons, weights: Float[np.ndarray, "platoon follower driver"], *, followers: int
 ) -> Float[np.ndarray, "platoon follower"]:

@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 from scipy.stats import norm, qmc
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.horizon import STEP
 from rampcast.models.pooled_driver import fit_pooled_driver, true_leader
 from rampcast.physics import idm
@@ -168,7 +168,7 @@ def _record(drivers: Float[Array, "driver param"]) -> idm.Parameters:
     return idm.Parameters(*(drivers[:, index, None] for index in range(drivers.shape[1])))
 
 
-@jax.jit
+@program
 def _likelihood(
     drivers: Float[Array, "driver param"],
     x: Float[ArrayLike, "row moment"],
@@ -204,7 +204,7 @@ def _likelihood(
     return (-step_length * last[3].T,)
 
 
-@jax.jit
+@program
 def _behind(
     drivers: Float[Array, "driver param"],
     v: Float[ArrayLike, "row"],

@@ -21,6 +21,7 @@ from sklearn.ensemble import RandomForestRegressor
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.folds import Fold
 from rampcast.models.trees import Trees, decision_tree, joined
+from rampcast.threads import thread_count
 
 # steps of 0.2 s at which the curves are known: every 0.4 s for 4 s, then every second
 MOMENTS = np.concatenate([np.arange(0, 20, 2), np.arange(24, FUTURE, 5)])
@@ -148,7 +149,11 @@ def _filled(table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row co
 
 def _forest(trees: int, seed: int) -> Any:
     return RandomForestRegressor(
-        trees, min_samples_leaf=LEAST_IN_LEAF, max_features=COLUMNS_TRIED, random_state=seed, n_jobs=2
+        trees,
+        min_samples_leaf=LEAST_IN_LEAF,
+        max_features=COLUMNS_TRIED,
+        random_state=seed,
+        n_jobs=thread_count(),
     )
 
 

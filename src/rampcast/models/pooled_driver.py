@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
 from rampcast.physics import idm
 from rampcast.physics.gap import net_gap
@@ -34,7 +34,7 @@ def roll_chain(
         leaders: how many of the vehicles ahead count.
     """
     rows = [np.ascontiguousarray(values) for values in _states_now(platoons, leaders)]
-    (displacement,) = over_blocks(partial(_rolled, jnp.asarray(parameters)), rows)
+    (displacement,) = over_blocks(partial(_rolled, parameters), rows)
     return displacement
 
 
@@ -92,16 +92,16 @@ def _states_now(platoons: Platoons, leaders: int) -> tuple[np.ndarray, ...]:
     return x, v, known_lengths(platoons)[:, some], present
 
 
-@jax.jit
+@program
 def _rolled(
-    parameters: Float[Array, "param"],
+    parameters: Float[ArrayLike, "param"],
     x: Float[ArrayLike, "platoon place"],
     v: Float[ArrayLike, "platoon place"],
     length: Float[ArrayLike, "platoon place"],
     present: Bool[ArrayLike, "platoon place"],
 ) -> tuple[Float[Array, "platoon step"]]:
     """Returns the displacement of the vehicle in place 0 after each step."""
-    record = idm.Parameters(*parameters)
+    record = idm.Parameters(*jnp.asarray(parameters))
     lowest, highest = idm.limits(record)
     lengths = jnp.asarray(length).T[1:]
     led = jnp.asarray(present).T[1:]
@@ -120,16 +120,16 @@ def _rolled(
     return (xs.T,)
 
 
-@jax.jit
+@program
 def _follow(
-    parameters: Float[Array, "param"],
+    parameters: Float[ArrayLike, "param"],
     v: Float[ArrayLike, "platoon"],
     length: Float[ArrayLike, "platoon"],
     leader_x: Float[ArrayLike, "platoon step"],
     leader_v: Float[ArrayLike, "platoon step"],
 ) -> tuple[Float[Array, "platoon step"]]:
     """Returns the displacement of a follower behind a given leader after each step."""
-    record = idm.Parameters(*parameters)
+    record = idm.Parameters(*jnp.asarray(parameters))
     lowest, highest = idm.limits(record)
 
     def step(state: tuple[Array, Array], ahead: tuple[Array, Array]) -> tuple[tuple[Array, Array], Array]:
@@ -159,7 +159,7 @@ def follow_true_leader(
     whole = present[:, 1]
     leader_x, leader_v = np.where(whole[:, None], leader_x, 0.0), np.where(whole[:, None], leader_v, 0.0)
     rows = (v[:, 0], length[:, 1], leader_x, leader_v)
-    (displacement,) = over_blocks(partial(_follow, jnp.asarray(parameters)), rows)
+    (displacement,) = over_blocks(partial(_follow, parameters), rows)
     known = whole[:, None] & np.logical_and.accumulate(np.isfinite(leader_truth), axis=1)
     return np.where(known, displacement, np.nan)
 
@@ -183,16 +183,16 @@ def _least_squares(
     # at whole seconds, as the scores are
     seen, truth = seen[:, WHOLE_SECONDS], np.where(seen, truth, 0.0)[:, WHOLE_SECONDS]
 
-    @jax.jit
+    @program
     def residual(parameters: Array) -> Array:
         return jnp.where(seen, displacements(parameters)[:, WHOLE_SECONDS] - truth, 0.0).ravel()
 
-    slope = jax.jit(jax.jacfwd(residual))
+    slope = program(jax.jacfwd(residual))
     low, high = np.array([(bound.low, bound.high) for bound in idm.NET_BOUNDS]).T
     fit = least_squares(
-        lambda p: np.asarray(residual(jnp.asarray(p))),
+        lambda p: np.asarray(residual(p)),
         np.array(START),
-        jac=lambda p: np.asarray(slope(jnp.asarray(p))),
+        jac=lambda p: np.asarray(slope(p)),
         bounds=(low, high),
         x_scale=high - low,
         loss="soft_l1",

@@ -11,9 +11,10 @@ from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int, Int32
 
-from rampcast.compute import blocks, jax, jnp, padded
+from rampcast.compute import blocks, computing, jax, jnp, padded, program
 from rampcast.errors import ModelError
 
 TOGETHER: Final = 1 << 17  # walks at a time: their arrays stay in a processor's cache
@@ -159,6 +160,7 @@ class Forests:
     each: int
 
     @cached_property
+    @computing()
     def _on_device(self) -> tuple[Nodes, dict[int, Schedule]]:
         """Returns the arrays that the compiled function takes: the nodes, and a schedule for each padded size."""
         schedules = {size: _schedule(self, together) for size, together in TREES_TOGETHER.items()}
@@ -284,10 +286,11 @@ def _schedule(forests: Forests, together: int) -> Schedule:
     return Schedule(jnp.asarray(root, jnp.int32), jnp.asarray(forest, jnp.int32), jnp.asarray(deepest, jnp.int32))
 
 
-@partial(jax.jit, static_argnums=3)
+@partial(program, static_argnums=3)
 def _sum_over_trees(
-    features: Float[Array, "scene column"], nodes: Nodes, schedule: Schedule, forests: int
+    features: Float[ArrayLike, "scene column"], nodes: Nodes, schedule: Schedule, forests: int
 ) -> Float[Array, "forest scene"]:
+    features = jnp.asarray(features)
     scenes = features.shape[0]
     column_first = features.T.ravel()
     scene = jnp.arange(scenes, dtype=jnp.int32)

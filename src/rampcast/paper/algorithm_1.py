@@ -7,7 +7,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Shaped
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.paper.laws.laws import Law
 from rampcast.paper.laws.leader import Vehicle, actual_leader, gap_to
 from rampcast.paper.laws.mode import Mode
@@ -128,7 +128,7 @@ def _by_step(states: Shaped[Array, "scene *vehicle step"]) -> Float[Array, "step
     return jnp.moveaxis(jnp.moveaxis(states, -1, 0), 1, -1)[:-1].astype(float)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(program, static_argnums=(0, 1))
 def _algorithm_1(
     law: Law,
     mode: Mode,

@@ -5,14 +5,13 @@ In corrected mode the scene forecaster stands beside them, which drives all vehi
 
 import hashlib
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
-import jax
 import numpy as np
 import polars as pl
 from jaxtyping import Float
 
+from rampcast.compute import computing, jax
 from rampcast.errors import ModelError
 from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSpec
 from rampcast.forecast.scene_forecaster import SceneForecast, SceneForecaster, fit_scene_forecaster
@@ -35,6 +34,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.sites import Site
 from rampcast.sites.site import differences
+from rampcast.threads import in_threads
 from rampcast.traffic import find_anchors, need_ramp
 from rampcast.traffic.anchors import X
 
@@ -177,10 +177,10 @@ def _need_same_site(trained: Site, site: Site) -> None:
 
 def for_each_lane(fit: Callable[[str], NeighbourLstm]) -> list[NeighbourLstm]:
     """Returns the neighbour model of each of `LANES`, fitted at the same time: one training keeps one core busy."""
-    with ThreadPoolExecutor(len(LANES)) as pool:
-        return list(pool.map(fit, LANES))
+    return in_threads(fit, LANES)
 
 
+@computing()
 def fit_neighbours(
     recording: Recording, lane: str, *, mode: Mode, spec: TrainingSpec, progress: Progress | None = None
 ) -> NeighbourLstm:

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from rampcast.compute import computing
 from rampcast.forecast.scene_forecaster import SceneForecast
 from rampcast.horizon import STEP
 from rampcast.paper.algorithm_1 import roll_out
@@ -58,6 +59,7 @@ class LongitudinalModel:
     modes: frozenset[Mode] = frozenset(Mode)
 
 
+@computing()
 def calibrate_scenes(law: Law, scenes: Scenes, mode: Mode) -> Calibration:
     """Returns the law fitted to the 20 accelerations of each central vehicle's history.
 

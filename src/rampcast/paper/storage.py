@@ -11,10 +11,10 @@ from typing import Any
 from zipfile import BadZipFile
 
 import equinox as eqx
-import jax
 import numpy as np
 
 from rampcast import __version__
+from rampcast.compute import jax
 from rampcast.errors import ModelError, SiteError
 from rampcast.files import write_whole, write_whole_folder
 from rampcast.forecast.scene_forecaster import SceneForecaster

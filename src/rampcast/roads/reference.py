@@ -4,9 +4,7 @@ The reference line is where y = 0. Its direction is interpolated between its poi
 are smooth even where the line has corners; before its first and beyond its last point it goes on straight.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +12,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from rampcast.errors import SiteError
+from rampcast.threads import in_threads
 
 SPACING = 2.0  # [m] between the points that the line is resampled to; a road of 50 m radius leaves its chord by 1 cm
 REFINEMENTS = 8  # at most; each squares the error of the foot of the perpendicular, so that three do on a road
@@ -192,11 +191,5 @@ def _in_blocks(do: Callable[[slice], tuple[Row, Row]], size: int) -> tuple[Row, 
     def fill(part: slice) -> None:
         first[part], second[part] = do(part)
 
-    parts = _parts(size)
-    if len(parts) < 2:
-        for part in parts:
-            fill(part)
-    else:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(fill, parts))
+    in_threads(fill, _parts(size))
     return first, second

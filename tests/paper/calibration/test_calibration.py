@@ -19,6 +19,8 @@ from rampcast.paper.laws.laws import LAWS, Law
 from rampcast.paper.laws.mode import Mode
 from tests.paper.calibration.followers import driven, mean_squared_error, parameters_inside, scattered
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 IDM = LAWS["idm"]
 REFERENCE_STARTS = 64
 ENOUGH = 1.01  # times the reference's error: method page, section 6

@@ -13,6 +13,8 @@ from rampcast.paper.laws import ghr, ghr_no_speed
 from rampcast.paper.laws.separable import Parameters, evaluate
 from rampcast.physics.minimums import MINIMUM_GAP, MINIMUM_SPEED, MINIMUM_SPEED_DIFFERENCE, RECORDED_LIMIT
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 BOTH = pytest.mark.parametrize("law", [ghr, ghr_no_speed], ids=["ghr", "gipps_paper"])
 EXPONENTS = st.floats(-5.0, 5.0)
 DRIVERS = st.builds(Parameters, st.floats(0.01, 10.0), EXPONENTS, EXPONENTS)

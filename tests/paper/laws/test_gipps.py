@@ -18,6 +18,8 @@ from rampcast.paper.laws.gipps import (
 )
 from rampcast.physics.minimums import MINIMUM_GAP
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 # Means of Gipps 1981, section 4; s_n = 6.5 m less a car of 4.5 m.
 GIPPS = Parameters(1.7, 3.4, 20.0, 2.0 / 3.0, 3.2, 2.0)
 DRIVERS = st.builds(Parameters, *(st.floats(bound.low, bound.high) for bound in BOUNDS))

@@ -8,6 +8,8 @@ import pytest
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 EVERY_LAW = pytest.mark.parametrize("law", list(LAWS.values()), ids=list(LAWS))
 
 

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from rampcast.paper.laws.leader import Vehicle, actual_leader, gap_to, nearest_ahead
 from rampcast.paper.laws.mode import Mode
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 X, RAMP_END = 100.0, 230.0
 BOTH_MODES = pytest.mark.parametrize("mode", list(Mode))
 

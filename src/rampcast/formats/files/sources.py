@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeVar, cast
 
 from rampcast.errors import FormatError
+from rampcast.threads import thread_count
 
 CHUNK = 8 << 20  # [bytes] measured: larger chunks are no faster and cost memory
 LONGEST_LINE = 64 << 10  # [bytes] a row of NGSIM has some 200
@@ -121,11 +122,12 @@ def read_start(name: str, stream: BufferedIOBase, *, size: int) -> bytes:
 
 def parse_ahead(chunks: Iterator[bytes], parse: Callable[[bytes], Parsed]) -> Iterator[tuple[bytes, Parsed]]:
     """Yields each chunk and what parsing it gave, in order, with the next ones under way; few are held at a time."""
-    with ThreadPoolExecutor(WORKERS) as pool:
+    workers = min(WORKERS, thread_count())
+    with ThreadPoolExecutor(workers) as pool:
         waiting: list[tuple[bytes, Future[Parsed]]] = []
         for chunk in chunks:
             waiting.append((chunk, pool.submit(parse, chunk)))
-            if len(waiting) > WORKERS:
+            if len(waiting) > workers:
                 done, future = waiting.pop(0)
                 yield done, future.result()
         for done, future in waiting:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from rampcast.compute import jax, jnp, over_blocks
+from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.paper.calibration.idm_starts import idm_starts
 from rampcast.paper.calibration.least_squares import Vector, search
 from rampcast.paper.calibration.separable_fit import fit_separable
@@ -94,7 +94,7 @@ def calibrate(
     )
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(program, static_argnums=(0, 1))
 def _fit(
     law: Law,
     mode: Mode,

@@ -3,22 +3,19 @@
 Source: the paper, section "LSTM"; what it leaves open is fixed on the method page, section 5.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
-from rampcast import compute as engine
+from rampcast.compute import Block, blocks, computing, jax, jnp, padded
 from rampcast.horizon import PAST
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.windows import WINDOW
+from rampcast.threads import in_threads
 
 BATCHES = (64, 512)  # sizes to which calls are padded, so that a new number of vehicles does not compile again
 PRECISION = np.float32
@@ -115,19 +112,21 @@ class NeighbourLstm:
     highest: Float[np.ndarray, "window"]
     losses: Float[np.ndarray, "epoch"]
 
+    @computing()
     def predict(self, past: Float[np.ndarray, "vehicle past"], *, steps: int) -> Float[np.ndarray, "vehicle step"]:
         """Returns x [m] of the next steps of 0.2 s of vehicles whose x [m] of the last 20 steps is given."""
         lowest, highest = jnp.asarray(self.lowest), jnp.asarray(self.highest)
 
-        def roll(block: engine.Block) -> Float[np.ndarray, "vehicle step"]:
-            rolled = _roll(self.network, lowest, highest, self.mode, steps, jnp.asarray(engine.padded(past, block)))
+        @computing()
+        def roll(block: Block) -> Float[np.ndarray, "vehicle step"]:
+            rolled = _roll(self.network, lowest, highest, self.mode, steps, jnp.asarray(padded(past, block)))
             return np.asarray(rolled)[: block.stop - block.start]
 
         # XLA runs these small matrix products on one core each, so the blocks are shared out between the cores
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return np.concatenate([np.empty((0, steps)), *pool.map(roll, engine.blocks(len(past), sizes=BATCHES))])
+        return np.concatenate([np.empty((0, steps)), *in_threads(roll, blocks(len(past), sizes=BATCHES))])
 
 
+@computing()
 def fit_lstm(
     windows: Float[np.ndarray, "sample step"],
     *,
