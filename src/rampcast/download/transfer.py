@@ -1,8 +1,8 @@
 """One address to one file: tried again where a fault may pass, resumed where the server can, whole or not at all."""
 
 import json
+import logging
 import os
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -13,12 +13,14 @@ from typing import BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
+import stamina
 
 from rampcast import __version__
 from rampcast.errors import DownloadError
 from rampcast.files import write_whole
 
 PASSING = (408, 429, 500, 502, 503, 504)  # answers that a server may no longer give a little later
+LOG, SILENT = logging.getLogger("stamina"), logging.NullHandler()  # without a handler, Python prints its lines
 SHOWN = 300  # characters of a server's answer in a message
 
 Tell = Callable[[str, int, int], None]  # what, done, total
@@ -82,22 +84,26 @@ def patiently(action: Callable[[], Result], *, url: str, patience: Patience, not
     Raises:
         TransferError: no attempt succeeded, or a fault will not pass.
     """
-    attempt = 1
-    while True:
-        try:
-            return action()
-        except PassingFault as fault:
-            wait = max(patience.pause * 2 ** (attempt - 1), fault.wait)
-            host = urlsplit(url).netloc
-            most = (
-                min(patience.connections, patience.attempts) if isinstance(fault, NoConnection) else patience.attempts
-            )
-            if attempt >= most or fault.wait > patience.longest_pause:
-                raise TransferError(f"{host}: {fault}; gave up after attempt {attempt} at {url}") from fault
-            wait = min(wait, patience.longest_pause)
-            note(f"{host}: {fault}; trying again in {wait:.0f} s ({attempt} of {most})")
-            time.sleep(wait)
-            attempt += 1
+    host, tries = urlsplit(url).netloc, 0
+
+    def wait(fault: Exception) -> bool | float:
+        """Returns how long to wait for the next attempt [s]; False where there is none."""
+        nonlocal tries
+        tries += 1
+        if not isinstance(fault, PassingFault) or fault.wait > patience.longest_pause:
+            return False
+        most = min(patience.connections, patience.attempts) if isinstance(fault, NoConnection) else patience.attempts
+        if tries >= most:
+            return False
+        pause = min(max(patience.pause * 2 ** (tries - 1), fault.wait), patience.longest_pause)
+        note(f"{host}: {fault}; trying again in {pause:.0f} s ({tries} of {most})")
+        return pause
+
+    LOG.addHandler(SILENT)  # the user is told by `note`
+    try:
+        return stamina.RetryingCaller(attempts=patience.attempts, timeout=None)(wait, action)
+    except PassingFault as fault:
+        raise TransferError(f"{host}: {fault}; gave up after attempt {tries} at {url}") from fault
 
 
 @contextmanager
