@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rampcast.errors import FormatError, RampcastError, RecordingError
 from rampcast.formats import FORMATS, BadRows, read_any
 from rampcast.formats.files.head import look
-from rampcast.formats.readers.ngsim import ngsim as reader
+from rampcast.formats.tables import rows as engine
 from rampcast.recording import columns as c
 from rampcast.recording import write_recording
 from rampcast.sites import load_site
@@ -216,9 +216,7 @@ def test_a_fault_beside_numbers_with_commas_does_not_lose_them(tmp_path):
 def test_a_file_of_many_chunks_reads_as_one(tmp_path, monkeypatch):
     path = saved(tmp_path, text([row(vehicle, frame) for vehicle in range(40) for frame in range(10)]))
     whole, _ = read_ngsim([path], site=I80)
-    monkeypatch.setattr(
-        "rampcast.formats.readers.ngsim.ngsim.read_chunks", lambda name, stream: _small_chunks(name, stream)
-    )
+    monkeypatch.setattr(engine, "read_chunks", _small_chunks)
     assert read_ngsim([path], site=I80)[0].tracks.equals(whole.tracks)
 
 
@@ -231,7 +229,7 @@ def _small_chunks(name, stream):
 def test_the_line_of_a_fault_is_right_in_a_later_chunk(tmp_path, monkeypatch):
     rows = [row(1, frame) for frame in range(100)]
     rows[77] = row(1, 77, Lane_ID="six")
-    monkeypatch.setattr(reader, "read_chunks", _small_chunks)
+    monkeypatch.setattr(engine, "read_chunks", _small_chunks)
     for content, line in ((text(rows), 78), (csv(rows), 79)):
         with pytest.raises(FormatError, match=f"line {line}, column 14: lane_id: expected a number, found 'six'"):
             read_ngsim([saved(tmp_path, content)], site=I80)

@@ -224,7 +224,7 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         "these are events, not trajectories: half of the rows lie 7.0 s after the one before of its vehicle",
     ),
     "a binary file": (b"\x00\x01\x02" * 50, "holds bytes that no text has"),
-    "NUL bytes": (table([*ROWS[:2], "\0" * 40, *ROWS[3:]]), "line 4: expected 10 columns, found 1"),
+    "NUL bytes": (table([*ROWS[:2], "\0" * 40, *ROWS[3:]]), "line 4, column 1: a NUL byte: this part of the file"),
     "decimal commas": (cell(3, "x", "12,0"), "line 3: expected 10 columns, found 11: a separator too many"),
 }
 

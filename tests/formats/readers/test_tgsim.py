@@ -254,7 +254,7 @@ FAULTS = {
     "a cell too few": (changed(",no,", ","), "line 5: expected 12 columns, found 11: the row is cut off"),
     "a cell too many": (changed(",no,", ",no,no,"), "line 5: expected 12 columns, found 13: a separator too many"),
     "a row cut off": (text(EAST)[:-25], "line 11: expected 12 columns, found"),
-    "NUL bytes": (changed("103,", "1\0\0,"), "column 3: xloc-kf: expected a number"),
+    "NUL bytes": (changed("103,", "1\0\0,"), "column 3: a NUL byte: this part of the file"),
     "bytes of no encoding": (text(EAST).replace(b"103,", b"\xff\xfe,"), "column 3: xloc-kf: expected a number"),
 }
 

@@ -1,7 +1,8 @@
 """Columns that a format wants, where they stand in a csv, the rows found, and what is wrong with a cell."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -10,6 +11,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, Header, plain
+from rampcast.formats.tables.thousands import without_separators
 from rampcast.recording.reading import BadRow, ReadReport
 
 SHOWN = 40  # letters of a bad cell that a message shows
@@ -29,6 +31,11 @@ class Column:
         optional: whether a file may lack it.
         may_be_blank: whether a cell may be empty (or NaN); it reads as null.
         is_key: whether a row in which this cell is empty says nothing and is left out, whatever its other cells are.
+        may_be_grouped: whether numbers may have thousands separators, as "1,234.5" in quotes.
+        among: the only numbers believed; () where all in the range are.
+        unknown: what a message says of any other; {} stands for it.
+        only: the text, in small letters, of rows that are wanted; those with another one are counted and left out, and
+            so is the column.
     """
 
     name: str
@@ -39,6 +46,10 @@ class Column:
     optional: bool = False
     may_be_blank: bool = False
     is_key: bool = False
+    may_be_grouped: bool = False
+    among: tuple[int, ...] = ()
+    unknown: str = ""
+    only: str | None = None
 
     @cached_property
     def is_text(self) -> bool:
@@ -54,6 +65,11 @@ class Column:
     def largest(self) -> float | int:
         """Returns the largest number believed and of its type."""
         return min([self.high, *(largest for kind, largest in WHOLE.items() if self.type == kind)])
+
+    def other(self, text: str | None) -> str:
+        """Returns the text of a row that is not wanted, as it is compared; "" of one that is or has none."""
+        short = (text or "").strip(' "').lower()
+        return "" if short == self.only else short
 
     @property
     def range(self) -> str:
@@ -73,22 +89,48 @@ class Rows:
         table: the good rows; a column that is optional and absent is absent here.
         faults: the first 100 bad rows.
         faults_counted: how many there were.
+        others: number of rows that are not wanted (`Column.only`), by the text that says so.
+        grouped: how many numbers had thousands separators.
     """
 
     file: str
     table: pl.DataFrame
     faults: tuple[BadRow, ...] = ()
     faults_counted: int = 0
+    others: Mapping[str, int] = field(default_factory=dict)
+    grouped: int = 0
 
     def report(self, form: str) -> ReadReport:
         """Returns what reading this file found; `form` says in words what kind of file it is."""
+        others = sum(self.others.values())
         return ReadReport(
             files=(self.file,),
             forms=(form,),
-            rows_read=self.table.height + self.faults_counted,
+            rows_read=self.table.height + self.faults_counted + others,
+            rows_other_location=others,
             rows_skipped=self.faults_counted,
             skipped=self.faults,
+            grouped_numbers=self.grouped,
         )
+
+
+@dataclass(frozen=True)
+class Part:
+    """The rows of a part of a csv.
+
+    Attributes:
+        table: the good rows.
+        faults: the bad rows.
+        others: number of rows that are not wanted, by the text that says so.
+        styles: whether a column has thousands separators, of columns with numbers large enough to tell.
+        grouped: how many numbers have some.
+    """
+
+    table: pl.DataFrame
+    faults: Sequence[BadRow] = ()
+    others: Mapping[str, int] = field(default_factory=dict)
+    styles: Mapping[str, bool] = field(default_factory=dict)
+    grouped: int = 0
 
 
 @dataclass(frozen=True)
@@ -100,9 +142,29 @@ class Layout:
     wanted: tuple[tuple[int, Column], ...]
 
     @property
+    def separator(self) -> bytes:
+        """Returns what stands between two columns."""
+        return self.header.separator.encode()
+
+    @cached_property
+    def kept(self) -> tuple[Column, ...]:
+        """Returns the wanted columns but the one that only says which rows are."""
+        return tuple(column for _, column in self.wanted if column.only is None)
+
+    @cached_property
+    def choosing(self) -> tuple[int, Column] | None:
+        """Returns the column that says which rows are wanted, and where it stands; None if all are."""
+        return next((pair for pair in self.wanted if pair[1].only is not None), None)
+
+    @property
     def schema(self) -> dict[str, Any]:
-        """Returns our names of the wanted columns and their types."""
-        return {column.name: column.type for _, column in self.wanted}
+        """Returns our names of the columns to keep and their types."""
+        return {column.name: column.type for column in self.kept}
+
+    @cached_property
+    def groupable(self) -> list[str]:
+        """Returns our names of the columns that may have thousands separators: in quotes, so only of a csv."""
+        return [column.name for column in self.kept if column.may_be_grouped and self.separator != b" "]
 
     @property
     def keys(self) -> list[str]:
@@ -161,14 +223,38 @@ def advice(fault: BadRow) -> str:
     return f"{fault}. Mend the file, or skip such rows with --skip-bad-rows (bad_rows=BadRows.SKIP)"
 
 
-def read_cell(cell: str, column: Column) -> tuple[float | int | str | None, str]:
-    """Returns the value in a cell and "", or None and what is wrong with it."""
+def other_rows(table: pl.DataFrame, layout: Layout) -> tuple[pl.Series, Counter[str]]:
+    """Returns which rows are not wanted, and how many they are by the text that says so."""
+    counts: Counter[str] = Counter()
+    if layout.choosing is None:
+        return pl.repeat(False, table.height, eager=True), counts
+    _, column = layout.choosing
+    unwanted = []
+    for text, count in table[column.name].value_counts().iter_rows():
+        if column.other(text):
+            unwanted.append(text)
+            counts[column.other(text)] += count
+    return table[column.name].is_in(unwanted).fill_null(False), counts
+
+
+def read_cell(cell: str, column: Column, is_grouped: bool = False) -> tuple[float | int | str | None, str]:
+    """Returns the value in a cell and "", or None and what is wrong with it.
+
+    Args:
+        cell: without spaces around it.
+        column: what is wanted of it.
+        is_grouped: whether large numbers of the column have thousands separators.
+    """
     shown = f"'{cell[:SHOWN]}'"
     if not cell or (column.may_be_blank and cell.lower() == "nan" and not column.is_text):
         wanted = "text" if column.is_text else "a number"
         return None, "" if column.may_be_blank else f"expected {wanted}, the cell is empty"
     if column.is_text:
         return cell, ""
+    if column.may_be_grouped:
+        cell, reason = without_separators(cell, is_grouped)
+        if reason:
+            return None, reason
     try:
         value = float(cell) if "_" not in cell else math.nan
     except ValueError:
@@ -177,6 +263,8 @@ def read_cell(cell: str, column: Column) -> tuple[float | int | str | None, str]
         return None, f"expected a finite number, found {shown}"
     if not column.low <= value <= column.largest:
         return None, f"expected {column.range}, found {shown}"
-    if column.is_whole:
-        return int(value), "" if value == int(value) else f"expected a whole number, found {shown}"
-    return value, ""
+    if column.is_whole and value != int(value):
+        return None, f"expected a whole number, found {shown}"
+    if column.among and value not in column.among:
+        return None, column.unknown.replace("{}", shown)
+    return int(value) if column.is_whole else value, ""

@@ -5,7 +5,8 @@ in memory; a chunk in which anything is not as expected is read again with care.
 """
 
 import io
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -15,9 +16,11 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
-from rampcast.formats.tables.columns import Column, Layout, Rows, advice, missing, place_of
+from rampcast.formats.tables.blanks import as_csv
+from rampcast.formats.tables.columns import Column, Layout, Part, Rows, advice, missing, other_rows, place_of
 from rampcast.formats.tables.rows_careful import parse_carefully
 from rampcast.formats.tables.rows_typed import read_typed
+from rampcast.formats.tables.thousands import large
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
 BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
@@ -32,39 +35,50 @@ def read_rows(head: Head, columns: Sequence[Column], *, bad_rows: BadRows = BadR
         FormatError: the file is not there, lacks a column or any row, or has a bad row and those are not to be skipped.
     """
     rows = (_read_csv if head.is_text else read_typed)(head, columns, bad_rows)
-    if not rows.table.height and rows.faults:
+    if not rows.table.height and rows.faults and not rows.others:
         raise FormatError(f"{rows.file}: none of its {rows.faults_counted:,} rows can be read. {rows.faults[0]}")
-    if not rows.table.height:
+    if not rows.table.height and not rows.others:
         raise FormatError(f"{rows.file}: the file has a header but no rows; get the file again")
     return rows
 
 
 def _read_csv(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
     layout = _layout(head, columns)
+    tables: list[pl.DataFrame] = []
+    faults: list[BadRow] = []
+    others: Counter[str] = Counter()
+    counted = grouped = 0
     with open_source(head.path) as (name, stream):
         chunks = read_chunks(name, stream)
-        first = next(chunks, b"")
-        body = _skip(first, layout)
-        parts: list[pl.DataFrame] = []
-        faults: list[BadRow] = []
-        line, counted = layout.header.lines + 1, 0
-        for chunk, (lines, found) in parse_ahead(chain([body], chunks), lambda chunk: _parse(chunk, layout)):
-            for table, bad in [(found, [])] if found is not None else _carefully(chunk, layout, line):
-                if bad and bad_rows is BadRows.RAISE:
-                    raise FormatError(advice(bad[0]))
-                parts.append(table)
-                faults.extend(bad[: MOST_LISTED - len(faults)])
-                counted += len(bad)
-            line += lines
-    return Rows(name, pl.concat(parts, rechunk=True), tuple(faults), counted)
+        for part in _parts(_skip(next(chunks, b""), layout), chunks, layout):
+            if part.faults and bad_rows is BadRows.RAISE:
+                raise FormatError(advice(part.faults[0]))
+            tables.append(part.table)
+            faults.extend(part.faults[: MOST_LISTED - len(faults)])
+            counted += len(part.faults)
+            others.update(part.others)
+            grouped += part.grouped
+    return Rows(head.name, pl.concat(tables, rechunk=True), tuple(faults), counted, others, grouped)
 
 
-def _carefully(chunk: bytes, layout: Layout, first_line: int) -> Iterator[tuple[pl.DataFrame, list[BadRow]]]:
-    """Yields the good and the bad rows of each piece of a chunk."""
+def _parts(first: bytes, chunks: Iterator[bytes], layout: Layout) -> Iterator[Part]:
+    """Yields the rows of each chunk: fast, and with care where anything is not as expected."""
+    line = layout.header.lines + 1
+    styles: dict[str, bool] = {}
+    for chunk, (lines, found) in parse_ahead(chain([first], chunks), lambda chunk: _parse(chunk, layout)):
+        is_alike = found and all(styles.get(name, style) == style for name, style in found.styles.items())
+        for part in [found] if found and is_alike else _carefully(chunk, layout, line, styles):
+            styles.update(part.styles)
+            yield part
+        line += lines
+
+
+def _carefully(chunk: bytes, layout: Layout, first_line: int, styles: Mapping[str, bool]) -> Iterator[Part]:
+    """Yields the rows of each piece of a chunk."""
     start = 0
     while start < len(chunk):
         end = chunk.find(b"\n", start + PIECE) + 1 or len(chunk)
-        yield parse_carefully(chunk[start:end], layout, first_line)
+        yield parse_carefully(chunk[start:end], layout, first_line, styles)
         first_line += _count(chunk[start:end], b"\n")
         start = end
 
@@ -91,16 +105,18 @@ def _layout(head: Head, columns: Sequence[Column]) -> Layout:
     return Layout(name, header, tuple(sorted(wanted, key=lambda pair: pair[0])))
 
 
-def _parse(chunk: bytes, layout: Layout) -> tuple[int, pl.DataFrame | None]:
+def _parse(chunk: bytes, layout: Layout) -> tuple[int, Part | None]:
     """Returns the number of line ends in a chunk of whole lines, and its rows; None if anything is not as expected."""
     ends = _count(chunk, b"\n")
     text = _without_blank_ends(chunk.removeprefix(BYTE_ORDER_MARK))
+    if text and layout.separator == b" ":
+        text, layout = as_csv(text, layout)
     rows = (ends if text is chunk else _count(text, b"\n")) + (not text.endswith(b"\n"))
-    return ends, _parse_text(text, rows, layout) if text else pl.DataFrame(schema=layout.schema)
+    return ends, _parse_text(text, rows, layout) if text else Part(pl.DataFrame(schema=layout.schema))
 
 
-def _parse_text(text: bytes, rows: int, layout: Layout) -> pl.DataFrame | None:
-    if _count(text, layout.header.separator.encode()) != rows * (len(layout.header.names) - 1):
+def _parse_text(text: bytes, rows: int, layout: Layout) -> Part | None:
+    if _count(text, layout.separator) != rows * (len(layout.header.names) - 1):
         return None
     quotes = text.count(b'"') if b'"' in text else 0  # to look for one is many times faster than to count them
     if quotes % 2:
@@ -109,13 +125,17 @@ def _parse_text(text: bytes, rows: int, layout: Layout) -> pl.DataFrame | None:
         text = text.replace(b'"', b"")
     table = _read_text(text, layout, {})
     if table is None:  # some programs write 2.0 for a whole number
-        table = _read_text(text, layout, {column.name: pl.Float64() for _, column in layout.wanted if column.is_whole})
+        table = _read_text(text, layout, {column.name: pl.Float64() for column in layout.kept if column.is_whole})
     if table is None or table.height != rows:
         return None
     table = table.drop_nulls(layout.keys) if layout.keys else table
-    blank = [column.name for _, column in layout.wanted if column.may_be_blank and column.type in FLOATS]
+    is_other, others = other_rows(table, layout)
+    table = (table.filter(~is_other) if others else table).select([*layout.schema])
+    blank = [column.name for column in layout.kept if column.may_be_blank and column.type in FLOATS]
     table = table.with_columns(pl.col(blank).fill_nan(None)) if blank else table
-    return None if _breaks_rules(table, layout) else table
+    if _breaks_rules(table, layout):
+        return None
+    return Part(table, others=others, styles=large(table, layout.groupable))
 
 
 def _without_blank_ends(text: bytes) -> bytes:
@@ -156,7 +176,7 @@ def _read_text(text: bytes, layout: Layout, types: dict[str, Any]) -> pl.DataFra
 def _breaks_rules(table: pl.DataFrame, layout: Layout) -> bool:
     """Returns whether a cell is blank, not finite or out of range where it must not be."""
     checks = []
-    for _, column in layout.wanted:
+    for column in layout.kept:
         cell = pl.col(column.name)
         if not column.may_be_blank:
             checks.append(cell.has_nulls())
@@ -166,5 +186,7 @@ def _breaks_rules(table: pl.DataFrame, layout: Layout) -> bool:
             checks.append(~cell.sum().is_finite())  # a sum too large to be finite only leads to the careful path
         if not column.is_text:
             checks.append((cell.min() < column.low) | (cell.max() > column.high))
+        if column.among:
+            checks.append(~cell.is_in(column.among).all())
     found = table.select(check.fill_null(False).alias(f"{index}") for index, check in enumerate(checks))
     return any(found.row(0))

@@ -3,47 +3,40 @@
 Source: US Department of Transportation, Next Generation Simulation, data set 8ect-6jqj.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
-from pathlib import Path
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
-from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
+from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.ngsim import windows as clocks
-from rampcast.formats.readers.ngsim.layout import RECORDED, WANTED, Layout, detect_layout, misses_ngsim
-from rampcast.formats.readers.ngsim.rows import Parsed, Rules, parse_chunk, parse_lines, rules_of
+from rampcast.formats.readers.ngsim.forms import LOCATION, WANTED, form_of, misses_ngsim
 from rampcast.formats.readers.ngsim.site import guess_ngsim_site
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import with_sizes
+from rampcast.formats.tables.columns import Column, Rows
+from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.order import sorted_unique
-from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows, ReadReport
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.sites import Site
 
 SOURCE = "ngsim"
 TIME_STEP = 0.1  # [s]
 SHORTEST_CAR = 8.0  # [ft] the shortest car sold is 8.2 ft (2.5 m)
-
-
-@dataclass(frozen=True)
-class _File:
-    """The rows of one file, and the counts that go with them."""
-
-    name: str
-    layout: Layout
-    parts: tuple[pl.DataFrame, ...]
-    rows_read: int
-    other_locations: dict[str, int]
-    faults: tuple[BadRow, ...]
-    faults_counted: int
-    grouped_numbers: int
+LATEST = 4_102_444_800_000  # [ms since 1970] the year 2100
+LONGEST, WIDEST = 200, 30  # [ft] no road vehicle is larger
+FASTEST = 500  # [ft/s] no car drives 550 km/h; NGSIM writes up to 95.3 ft/s
+STRONGEST = 3000  # [ft/s^2] 93 g; NGSIM clips at 11.2 ft/s^2
+BESIDE = 50.0  # [m] positions this far beside the outer lanes are still believed
+BEYOND = 0.25  # share of the site's length by which a position may lie outside; the originals go 9 % beyond
+RECORDED = {"v_vel": c.RECORDED_V, "v_acc": c.RECORDED_A}  # read where a file has them
 
 
 def read_ngsim(
@@ -63,113 +56,65 @@ def read_ngsim(
         FormatError: a file is none of the forms, is of another site, or has a bad row and those are not to be skipped.
     """
     site = site or guess_ngsim_site(heads)
-    rules = rules_of(site)
-    files = [_read_file(head.path, rules, bad_rows) for head in heads]
-    for file in files:
-        _check_file(file, site)
-    report = ReadReport(
-        files=tuple(file.name for file in files),
-        forms=tuple(file.layout.title for file in files),
-        rows_read=sum(file.rows_read for file in files),
-        rows_other_location=sum(sum(file.other_locations.values()) for file in files),
-        rows_skipped=sum(file.faults_counted for file in files),
-        skipped=tuple(fault for file in files for fault in file.faults)[:MOST_LISTED],
-        grouped_numbers=sum(file.grouped_numbers for file in files),
-    )
-    rows, filled = with_sizes(pl.concat([part for file in files for part in file.parts]))
-    del files  # the parts are not needed beside the whole
-    recording, report = _assemble(rows, site, replace(report, sizes_filled=filled))
+    parts, reports = [], []
+    for head in heads:
+        form, header = form_of(head)
+        found = read_rows(replace(head, header=header), columns_of(site), bad_rows=bad_rows)
+        _check_location(found, site)
+        parts.append(_to_metres(found.table))
+        _check_feet(found.file, parts[-1])
+        reports.append(found.report(form))
+    rows, filled = with_sizes(pl.concat(parts))
+    del parts, found  # they are not needed beside the whole
+    recording, report = _assemble(rows, site, replace(join_reports(reports), sizes_filled=filled))
     return (recording,), report
 
 
-def _read_file(path: Path, rules: Rules, bad_rows: BadRows) -> _File:
-    with open_source(path) as (name, stream):
-        chunks = read_chunks(name, stream)
-        first = next(chunks, b"")
-        layout = detect_layout(name, first)
-        file = _File(name, layout, (), 0, {}, (), 0, 0)
-        parts = []
-        styles: dict[str, str] = {}
-        for parsed in _parse(name, first, chunks, layout, rules, styles):
-            if parsed.faults and bad_rows is BadRows.RAISE:
-                raise FormatError(_advice(parsed.faults[0]))
-            parts.append(parsed.rows)
-            file = _count(file, parsed)
-    return replace(file, parts=tuple(parts))
+def columns_of(site: Site) -> tuple[Column, ...]:
+    """Returns the columns of NGSIM's files, in feet, and what a row of that site may hold."""
+    lateral = [-lane.centre for lane in site.lanes]
+    left, right = round((min(lateral) - BESIDE) / FOOT), round((max(lateral) + BESIDE) / FOOT)
+    lanes = tuple(lane.number for lane in site.lanes)
+    unknown = f"lane {{}} is unknown: site {site.name} has the lanes {', '.join(map(str, lanes))}"
 
+    def number(name: str, kind: Any, low: float | int = -math.inf, high: float | int = math.inf, **more: Any) -> Column:
+        return Column(name, (name,), kind, low, high, may_be_grouped=True, **more)
 
-def _parse(
-    name: str, first: bytes, chunks: Iterator[bytes], layout: Layout, rules: Rules, styles: dict[str, str]
-) -> Iterator[Parsed]:
-    """Yields the chunks parsed in order, in metres: fast, and line by line where that finds anything wrong."""
-
-    def fast(chunk: bytes) -> Parsed | None:
-        return _parse_fast(_without_lines(chunk, layout.header_lines if chunk is first else 0), layout, rules)
-
-    line = 1
-    for chunk, found in parse_ahead(chain([first], chunks), fast):
-        parsed = found
-        header = layout.header_lines if line == 1 else 0
-        if parsed is None or any(styles.get(key, style) != style for key, style in parsed.styles.items()):
-            body = _without_lines(chunk, header)
-            slow = parse_lines(body, layout, rules, file=name, first_line=line + header, styles=styles)
-            parsed = replace(slow, rows=_to_metres(slow.rows))
-        styles.update(parsed.styles)
-        line += parsed.lines + header
-        yield parsed
-
-
-def _parse_fast(chunk: bytes, layout: Layout, rules: Rules) -> Parsed | None:
-    parsed = parse_chunk(chunk, layout, rules)
-    return parsed and replace(parsed, rows=_to_metres(parsed.rows))
-
-
-def _without_lines(chunk: bytes, count: int) -> bytes:
-    for _ in range(count):
-        chunk = chunk.partition(b"\n")[2]
-    return chunk.removeprefix(BYTE_ORDER_MARK)
-
-
-def _count(file: _File, parsed: Parsed) -> _File:
-    others = dict(file.other_locations)
-    for location, rows in parsed.other_locations.items():
-        others[location] = others.get(location, 0) + rows
-    return replace(
-        file,
-        rows_read=file.rows_read + parsed.rows.height + sum(parsed.other_locations.values()) + len(parsed.faults),
-        other_locations=others,
-        faults=(file.faults + parsed.faults)[:MOST_LISTED],
-        faults_counted=file.faults_counted + len(parsed.faults),
-        grouped_numbers=file.grouped_numbers + parsed.grouped_numbers,
+    return (
+        number("vehicle_id", pl.Int32(), 0),
+        number("frame_id", pl.Int32(), 0),
+        number("global_time", pl.Int64(), 0, LATEST),
+        number("local_x", pl.Float64(), left, right),
+        number("local_y", pl.Float64(), round(-BEYOND * site.length / FOOT), round((1 + BEYOND) * site.length / FOOT)),
+        number("v_length", pl.Float32(), 0, LONGEST),
+        number("v_width", pl.Float32(), 0, WIDEST),
+        number("v_class", pl.Int8(), 1, len(c.KINDS)),
+        number("lane_id", pl.Int16(), among=lanes, unknown=unknown),
+        number("v_vel", pl.Float32(), -FASTEST, FASTEST, optional=True),
+        number("v_acc", pl.Float32(), -STRONGEST, STRONGEST, optional=True),
+        Column(LOCATION, (LOCATION,), pl.String(), optional=True, may_be_blank=True, only=site.location.lower()),
     )
-
-
-def _advice(fault: BadRow) -> str:
-    return f"{fault}. Mend the file, or skip such rows with --skip-bad-rows (bad_rows=BadRows.SKIP)"
 
 
 def _to_metres(rows: pl.DataFrame) -> pl.DataFrame:
     """Returns rows in SI: x = Local_Y, and y = -Local_X because NGSIM counts to the right and rampcast to the left."""
+    time, frame = pl.col("global_time"), pl.col("frame_id")
     return rows.select(
-        pl.col("vehicle_id").cast(pl.Int32).alias(c.VEHICLE),
-        pl.col("frame_id").cast(pl.Int32).alias(c.FRAME),
+        pl.col("vehicle_id").alias(c.VEHICLE),
+        frame.alias(c.FRAME),
         (pl.col("local_y") * FOOT).alias(c.X),
         (pl.col("local_x") * -FOOT).alias(c.Y),
-        pl.col("lane_id").cast(pl.Int16).alias(c.LANE),
-        (pl.col("v_length") * FOOT).cast(pl.Float32).alias(c.LENGTH),
-        (pl.col("v_width") * FOOT).cast(pl.Float32).alias(c.WIDTH),
+        pl.col("lane_id").alias(c.LANE),
+        (pl.col("v_length") * FOOT).alias(c.LENGTH),
+        (pl.col("v_width") * FOOT).alias(c.WIDTH),
         _kind(pl.col("v_class")).alias(c.KIND),
-        *(_recorded(rows, name).alias(ours) for name, ours in zip(RECORDED, c.OPTIONAL_SCHEMA, strict=True)),
-        (pl.col("global_time").cast(pl.Int64) - clocks.FRAME_MS * pl.col("frame_id").cast(pl.Int64)).alias(
-            clocks.CLOCK
-        ),
+        *(_recorded(rows, name).alias(ours) for name, ours in RECORDED.items()),
+        (time - clocks.FRAME_MS * frame.cast(pl.Int64)).alias(clocks.CLOCK),
     )
 
 
 def _recorded(rows: pl.DataFrame, name: str) -> pl.Expr:
-    if name not in rows.columns:
-        return pl.lit(None, pl.Float32())
-    return (pl.col(name) * FOOT).cast(pl.Float32)
+    return pl.col(name) * FOOT if name in rows.columns else pl.lit(None, pl.Float32())
 
 
 def _kind(v_class: pl.Expr) -> pl.Expr:
@@ -178,23 +123,21 @@ def _kind(v_class: pl.Expr) -> pl.Expr:
     return pl.when(v_class == 1).then(motorcycle).when(v_class == 2).then(car).otherwise(truck)
 
 
-def _check_file(file: _File, site: Site) -> None:
-    rows = sum(part.height for part in file.parts)
-    others = ", ".join(f"{location or '(empty)'} ({count:,} rows)" for location, count in file.other_locations.items())
-    if not rows and file.other_locations:
+def _check_location(found: Rows, site: Site) -> None:
+    if not found.table.height:
+        others = ", ".join(f"{location} ({count:,} rows)" for location, count in found.others.items())
         raise FormatError(
-            f"{file.name}: no row has the Location '{site.location}' of site {site.name}; found {others}. "
+            f"{found.file}: no row has the Location '{site.location}' of site {site.name}; found {others}. "
             "Choose the site that fits with --site"
         )
-    if not rows and file.faults:
-        raise FormatError(f"{file.name}: none of its {file.faults_counted:,} rows can be read. {file.faults[0]}")
-    if not rows:
-        raise FormatError(f"{file.name}: the file has a header but no rows; get the file again")
-    cars = pl.concat([part.filter(pl.col(c.KIND) == "car")[c.LENGTH] for part in file.parts])
+
+
+def _check_feet(name: str, rows: pl.DataFrame) -> None:
+    cars = rows.filter(pl.col(c.KIND) == "car")[c.LENGTH]
     median = float(np.median(cars.to_numpy())) / FOOT if cars.len() else 0.0
     if 0 < median < SHORTEST_CAR:
         raise FormatError(
-            f"{file.name}: half of the cars are shorter than {median:.1f} ft ({median * FOOT:.1f} m): the "
+            f"{name}: half of the cars are shorter than {median:.1f} ft ({median * FOOT:.1f} m): the "
             "file seems to be in metres. Expected NGSIM's own feet: convert Local_X, Local_Y, v_Length and v_Width"
         )
 

@@ -1,15 +1,17 @@
 """Which site a file of NGSIM was recorded at: by its Location column, else by the time in it."""
 
-import io
 from collections.abc import Sequence
+from dataclasses import replace
 
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head
-from rampcast.formats.files.sources import open_source, read_chunks
-from rampcast.formats.readers.ngsim.layout import LOCATION, Layout, detect_layout
+from rampcast.formats.files.head import Head, Header
+from rampcast.formats.readers.ngsim.forms import LOCATION, form_of
 from rampcast.formats.readers.ngsim.windows import sites_of_times
+from rampcast.formats.tables.columns import Column
+from rampcast.formats.tables.rows import read_rows
+from rampcast.recording.reading import BadRows
 from rampcast.sites import Site, load_site, site_names
 
 LOOKED_AT = 100  # rows whose times are looked at
@@ -34,36 +36,20 @@ def guess_ngsim_site(heads: Sequence[Head]) -> Site:
 
 
 def _sites_of(head: Head) -> list[str]:
-    layout = detect_layout(head.name, head.text)
-    if not layout.has_location:
-        return sites_of_times(_times(head.text, layout))
-    with open_source(head.path) as (name, stream):
-        locations = {location for chunk in read_chunks(name, stream) for location in _locations(chunk, layout)}
+    _, header = form_of(head)
+    if LOCATION not in header.names:
+        return sites_of_times(_times(head.text, header))
+    column = Column(LOCATION, (LOCATION,), pl.Categorical(), may_be_blank=True)
+    found = read_rows(replace(head, header=header), (column,), bad_rows=BadRows.SKIP).table[LOCATION].unique()
+    locations = {str(text).strip(' "').lower() for text in found}
     sites = [load_site(name) for name in site_names()]
     return [site.name for site in sites if site.location and site.location.lower() in locations]
 
 
-def _times(chunk: bytes, layout: Layout) -> list[int]:
+def _times(text: bytes, header: Header) -> list[int]:
     """Returns the Global_Time [ms] of the first rows; cells that are no number are left to the reader."""
-    index = layout.names.index("global_time")
-    lines = chunk.decode("latin-1").split("\n")[layout.header_lines : layout.header_lines + LOOKED_AT]
-    rows = [line.split() if layout.separator == " " else line.split(layout.separator) for line in lines]
+    index = header.names.index("global_time")
+    lines = text.decode("latin-1").split("\n")[header.lines : header.lines + LOOKED_AT]
+    rows = [line.split() if header.separator == " " else line.split(header.separator) for line in lines]
     cells = [row[index].strip('" ') for row in rows if len(row) > index]
     return [int(cell) for cell in cells if cell.isascii() and cell.isdigit() and len(cell) <= DIGITS]
-
-
-def _locations(chunk: bytes, layout: Layout) -> set[str]:
-    """Returns the values of the Location column, lower case."""
-    try:
-        table = pl.read_csv(
-            io.BytesIO(chunk),
-            has_header=False,
-            separator=layout.separator,
-            columns=[layout.names.index(LOCATION)],
-            infer_schema=False,
-            truncate_ragged_lines=True,
-            encoding="utf8-lossy",
-        )
-    except pl.exceptions.PolarsError:
-        return set()
-    return {str(value).strip(' "').lower() for value in table.to_series().unique()}

@@ -1,10 +1,9 @@
-"""The forms of NGSIM's files, told by their first line: separator, header, and where each wanted column stands."""
+"""The forms of NGSIM's files, told by their first line: names of the columns, and what stands between them."""
 
 import difflib
-from dataclasses import dataclass
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
+from rampcast.formats.files.head import BYTE_ORDER_MARK, SIZE, Head, Header
 
 # Source: the data dictionary of the NGSIM I-80 and US-101 data sets.
 TXT_COLUMNS = (
@@ -28,13 +27,9 @@ TXT_COLUMNS = (
     "time_headway",
 )
 WANTED = ("vehicle_id", "frame_id", "global_time", "local_x", "local_y", "v_length", "v_width", "v_class", "lane_id")
-RECORDED = ("v_vel", "v_acc")  # read where a file has them
-NUMBERS = (*WANTED, *RECORDED)
-WHOLE_NUMBERS = ("vehicle_id", "frame_id", "global_time", "v_class", "lane_id")
 LOCATION = "location"
 ARTERIAL_COLUMNS = 24  # the text of Lankershim and Peachtree has six columns more, in the middle of the row
 MOST_NAMES, LONGEST_NAME = 50, 30  # of a header that are compared with those that are missing
-HEAD = 64 << 10  # [bytes] enough for any header and first row
 
 ADVICE = (
     "Expected an NGSIM file of a freeway: 18 columns of numbers separated by spaces, or a csv with a header that names "
@@ -43,48 +38,20 @@ ADVICE = (
 )
 
 
-@dataclass(frozen=True)
-class Layout:
-    """How the rows of one file are laid out.
-
-    Attributes:
-        title: the form's name for messages.
-        separator: between two columns; one or more of it where it is a space.
-        names: the columns in order, lower case.
-        header_lines: lines before the first row.
-    """
-
-    title: str
-    separator: str
-    names: tuple[str, ...]
-    header_lines: int
-
-    @property
-    def wanted(self) -> tuple[str, ...]:
-        """Returns the columns to read, in the file's order."""
-        return tuple(name for name in self.names if name in (*NUMBERS, LOCATION))
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Returns the columns of numbers to read, in our order."""
-        return tuple(name for name in NUMBERS if name in self.names)
-
-    @property
-    def has_location(self) -> bool:
-        """Returns whether rows of several sites may be mixed."""
-        return LOCATION in self.names
-
-
-def detect_layout(name: str, head: bytes) -> Layout:
-    """Returns the layout of a file that begins with `head`.
+def form_of(head: Head) -> tuple[str, Header]:
+    """Returns the name of a file's form, and its columns.
 
     Raises:
         FormatError: the file is empty, not text, or none of the forms.
     """
-    lines = head[:HEAD].removeprefix(BYTE_ORDER_MARK).split(b"\n")
+    name, lines = head.name, head.text.removeprefix(BYTE_ORDER_MARK).split(b"\n")
+    if not head.is_text:
+        raise FormatError(f"{name}: no text. {ADVICE}")
     blank = next((number for number, line in enumerate(lines) if line.strip()), None)
     if blank is None:
         raise FormatError(f"{name}: the file is empty. {ADVICE}")
+    if blank == len(lines) - 1 and len(head.text) == SIZE:
+        raise FormatError(f"{name}: more than {SIZE - 1:,} bytes without a line end. {ADVICE}")
     line = lines[blank].strip(b"\r")
     if any(byte < 32 and byte not in b"\t\r\0" for byte in line) or (b"\0" in line and not line.lstrip()[:1].isdigit()):
         raise FormatError(f"{name}: a binary file. {ADVICE}")
@@ -95,23 +62,20 @@ def detect_layout(name: str, head: bytes) -> Layout:
         raise FormatError(f"{name}: no text and no numbers. {ADVICE}")
     if separator == ";":
         raise FormatError(f"{name}, line {blank + 1}: columns separated by semicolons. {ADVICE}")
-    if _is_number(tokens[0]):
-        return _without_header(name, blank, tokens, " " if separator == "\t" else separator)
-    return _with_header(name, blank, tokens, " " if separator == "\t" else separator)
+    form = _without_header if _is_number(tokens[0]) else _with_header
+    return form(name, blank, tokens, " " if separator == "\t" else separator)
 
 
 def misses_ngsim(head: Head) -> str | None:
     """Returns the first thing a file lacks to be one of NGSIM's forms; None if nothing."""
-    if not head.is_text:
-        return "a parquet file, not text"
     try:
-        detect_layout(head.name, head.text)
+        form_of(head)
     except FormatError as error:
         return str(error).removeprefix(head.name).removesuffix(ADVICE).strip(",:. ")
     return None
 
 
-def _without_header(name: str, blank: int, tokens: list[str], separator: str) -> Layout:
+def _without_header(name: str, blank: int, tokens: list[str], separator: str) -> tuple[str, Header]:
     if len(tokens) == ARTERIAL_COLUMNS:
         raise FormatError(
             f"{name}, line {blank + 1}: 24 columns: this is the text of an arterial (Lankershim, Peachtree), which has "
@@ -120,10 +84,10 @@ def _without_header(name: str, blank: int, tokens: list[str], separator: str) ->
     if len(tokens) != len(TXT_COLUMNS):
         raise FormatError(f"{name}, line {blank + 1}: expected 18 columns, found {len(tokens)}. {ADVICE}")
     title = "NGSIM text, 18 columns" if separator == " " else "NGSIM csv without a header, 18 columns"
-    return Layout(title, separator, TXT_COLUMNS, header_lines=blank)
+    return title, Header(TXT_COLUMNS, separator, blank)
 
 
-def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> Layout:
+def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> tuple[str, Header]:
     names = tuple(token.lower().replace(" ", "_") for token in tokens)
     missing = [column for column in WANTED if column not in names]
     if missing:
@@ -135,12 +99,8 @@ def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> La
             f"{name}, line {blank + 1}: the columns {', '.join(missing)} are missing from the header.{hint} "
             f"Found {len(tokens)} columns: {shown!r}. {ADVICE}"
         )
-    twice = sorted({column for column in (*NUMBERS, LOCATION) if names.count(column) > 1})
-    if twice:
-        named = ", ".join(twice)
-        raise FormatError(f"{name}, line {blank + 1}: the header names the columns {named} twice; leave one out")
     kind = "NGSIM portal export" if LOCATION in names else "NGSIM csv"
-    return Layout(f"{kind}, {len(names)} columns", separator, names, header_lines=blank + 1)
+    return f"{kind}, {len(names)} columns", Header(names, separator, blank + 1)
 
 
 def _is_number(token: str) -> bool:

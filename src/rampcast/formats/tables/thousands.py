@@ -1,0 +1,56 @@
+"""Numbers with thousands separators, as "1,234.5" in quotes: a column has them in all its large numbers or in none."""
+
+import re
+from collections.abc import Sequence
+
+import polars as pl
+
+LEAST = 1000.0  # from which on a number has a separator
+GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
+UNGROUPED = r"^[+-]?\d{4}"  # how a large number without one begins
+
+
+def without_separators(cell: str, is_grouped: bool) -> tuple[str, str]:
+    """Returns a number without separators and "", or what is wrong with those it has, or has not.
+
+    Args:
+        cell: the number.
+        is_grouped: whether the large numbers of its column have some.
+    """
+    shown = f"'{cell[:40]}'"
+    if "," in cell and not (is_grouped and re.match(GROUPED, cell)):
+        return cell, f"expected a number, found {shown} with a thousands separator; write it without the comma"
+    if is_grouped and re.match(UNGROUPED, cell):
+        return cell, f"found {shown} without a thousands separator where the rows around it have one"
+    return cell.replace(",", ""), ""
+
+
+def number_in(cell: pl.Expr, is_grouped: bool) -> pl.Expr:
+    """Returns the numbers in cells, as `without_separators` one by one; null where something is wrong."""
+    if not is_grouped:
+        return cell.cast(pl.Float64, strict=False)
+    is_right = cell.str.contains(GROUPED) | ~cell.str.contains(rf",|{UNGROUPED}")
+    return pl.when(is_right).then(cell.str.replace_all(",", "", literal=True)).cast(pl.Float64, strict=False)
+
+
+def styles_of(cells: pl.DataFrame, names: Sequence[str]) -> dict[str, bool]:
+    """Returns whether columns of text have separators in most of their large numbers, of those with any."""
+    counts = [(_matches(cells, name, ","), _matches(cells, name, UNGROUPED)) for name in names]
+    return {name: some > none for name, (some, none) in zip(names, counts, strict=True) if some or none}
+
+
+def grouped_numbers(cells: pl.DataFrame, names: Sequence[str]) -> int:
+    """Returns how many numbers in columns of text have separators."""
+    return sum(_matches(cells, name, ",") for name in names)
+
+
+def _matches(cells: pl.DataFrame, name: str, pattern: str) -> int:
+    return int(cells[name].str.contains(pattern).sum())
+
+
+def large(table: pl.DataFrame, names: Sequence[str]) -> dict[str, bool]:
+    """Returns False for those columns of numbers without separators that have a large one."""
+    if not names:
+        return {}
+    found = table.select((pl.col(names).min() <= -LEAST) | (pl.col(names).max() >= LEAST)).row(0, named=True)
+    return {name: False for name, is_large in found.items() if is_large}
