@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
 
 from rampcast.errors import FormatError
+from rampcast.file_values import close_name
 from rampcast.formats.format import Format
 from rampcast.formats.readers.citysim import CITYSIM
 from rampcast.formats.readers.commonroad.commonroad import COMMONROAD
@@ -23,7 +24,6 @@ from rampcast.formats.readers.plain.plain import PLAIN
 from rampcast.formats.readers.pneuma import PNEUMA
 from rampcast.formats.readers.sumo.fcd import SUMO
 from rampcast.formats.readers.tgsim import TGSIM
-from rampcast.sites.values import close_name
 
 GROUP = "rampcast.formats"  # of entry points
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from rampcast.errors import SiteError
 from rampcast.recording import columns as c
 from rampcast.recording.recording import Recording
-from rampcast.sites.site import LANE_WIDTH, NO_LANE, Lane, Note, Site, site_from_dict, site_to_dict
+from rampcast.sites.site import LANE_WIDTH, NO_LANE, Lane, Note, Role, Site, site_from_dict, site_to_dict
 
 EARLY, LATE = 0.01, 0.99  # of the changes from the ramp lie before and up to these: labels of single ones may be wrong
 ZONE = (0.05, 0.95)  # of the changes lie in the merge zone between these
@@ -127,7 +127,7 @@ def with_ramp(site: Site, recording: Recording, values: RampValues) -> Site:
 
 
 def _roles(site: Site, ramp_lanes: Sequence[int]) -> tuple[Lane, ...]:
-    def role(lane: Lane) -> str:
+    def role(lane: Lane) -> Role:
         return "ramp" if lane.number in ramp_lanes else "main" if lane.role == "ramp" else lane.role
 
     return tuple(replace(lane, role=role(lane)) for lane in site.lanes)

@@ -6,21 +6,22 @@ A site is a TOML file. The shipped ones lie in ``site_data``; a user's own is gi
 import math
 import re
 import tomllib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo
 
+import msgspec
 import numpy as np
 import tomli_w
 from jaxtyping import Float
 
 from rampcast.arguments import expected
 from rampcast.errors import SiteError
+from rampcast.file_values import Name, Number, Positive, close_name, converted, got
 from rampcast.files import write_whole
 from rampcast.notebook import html_table
-from rampcast.sites.values import check_site_values, close_name
 
 SITE_FOLDER = Path(__file__).parent / "data"
 PAIR = re.compile(r"\[\s+([-+.\w]+),\s+([-+.\w]+),\s+\]")  # a point, which the writer spreads over four lines
@@ -30,6 +31,9 @@ LANE_WIDTH = (
 )
 SAME_X, SAME_Y = 2.0, 1.0  # [m] by which one road may differ: half a car's length, a third of a lane's width
 RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
+
+Point = tuple[Number, Number]
+Role = Literal["main", "ramp", "exit", "shoulder"]
 
 
 @dataclass(frozen=True)
@@ -41,8 +45,8 @@ class Lane:
     """
 
     number: int
-    role: str  # "main", "ramp", "exit" or "shoulder"
-    centre: float
+    role: Role
+    centre: Number
     sources: tuple[str, ...] = ()
 
 
@@ -50,7 +54,7 @@ class Lane:
 class Window:
     """A recorded window: its name and its start and end as local wall-clock times."""
 
-    name: str
+    name: Name
     start: str
     end: str
 
@@ -72,22 +76,22 @@ class Site:
     can be read and checked, but there is no merge to forecast.
     """
 
-    name: str
+    name: Name
     title: str
     simulated: bool
-    length: float  # [m]
-    speed_limit: float  # [m/s]
-    lanes: tuple[Lane, ...]
-    gore: float = math.nan  # x where the ramp lane begins to run beside the target lane [m]
-    ramp_end: float = math.nan  # x where the ramp lane ends: x_end of the paper [m]
-    merge_zone: tuple[float, float] = (math.nan, math.nan)  # [m, m]
+    length: Positive  # [m]
+    speed_limit: Positive  # [m/s]
+    lanes: Annotated[tuple[Lane, ...], msgspec.Meta(min_length=1)]
+    gore: Number = math.nan  # x where the ramp lane begins to run beside the target lane [m]
+    ramp_end: Number = math.nan  # x where the ramp lane ends: x_end of the paper [m]
+    merge_zone: Point = (math.nan, math.nan)  # [m, m]
     target_lane: int = NO_LANE
-    lane_line: tuple[tuple[float, float], ...] = ()  # (x, y) of the line between ramp lane and target lane
+    lane_line: tuple[Point, ...] = ()  # (x, y) of the line between ramp lane and target lane
     timezone: str = "UTC"
     location: str = ""  # the value of the portal's Location column
     windows: tuple[Window, ...] = ()
-    notes: tuple[Note, ...] = field(default=())
-    reference: tuple[tuple[float, float], ...] = ()  # points of the line y = 0 in the source's plane [m], downstream
+    notes: tuple[Note, ...] = ()
+    reference: tuple[Point, ...] = ()  # points of the line y = 0 in the source's plane [m], downstream
     mirrored: bool = False  # whether the source's plane grows to the right where it should grow to the left
 
     @property
@@ -175,17 +179,12 @@ def site_from_dict(values: dict[str, Any]) -> Site:
     Raises:
         SiteError: a value is missing, unknown, or of the wrong kind.
     """
-    check_site_values(values)
-    values = dict(values)
-    site = Site(
-        lanes=tuple(_lane(lane) for lane in values.pop("lanes")),
-        windows=tuple(Window(**window) for window in values.pop("windows", ())),
-        notes=tuple(Note(**note) for note in values.pop("notes", ())),
-        lane_line=_points(values.pop("lane_line", ())),
-        reference=_points(values.pop("reference", ())),
-        merge_zone=_pair(values.pop("merge_zone", (math.nan, math.nan))),
-        **values,
-    )
+    try:
+        site = converted(
+            Site, values | {"lanes": _with_text_as_sources(values["lanes"])} if "lanes" in values else values
+        )
+    except ValueError as error:
+        raise SiteError(str(error)) from error
     _check(site)
     return site
 
@@ -233,24 +232,26 @@ def write_site(site: Site, path: Path) -> None:
         partial.write_text(PAIR.sub(r"[\1, \2]", tomli_w.dumps(values)), encoding="utf-8")
 
 
-def _lane(values: dict[str, Any]) -> Lane:
-    return Lane(**(values | {"sources": tuple(str(name) for name in values.get("sources", ()))}))
-
-
-def _points(points: Any) -> tuple[tuple[float, float], ...]:
-    return tuple(_pair(point) for point in points)
-
-
-def _pair(values: Any) -> tuple[float, float]:
-    first, second = values
-    return float(first), float(second)
+def _with_text_as_sources(lanes: Any) -> Any:
+    """Returns the lanes with numbers among their sources as text: numbers are names as well."""
+    if not isinstance(lanes, list | tuple):
+        return lanes
+    return [
+        lane | {"sources": [str(one) if type(one) in (int, float) else one for one in lane["sources"]]}
+        if isinstance(lane, dict) and isinstance(lane.get("sources"), list | tuple)
+        else lane
+        for lane in lanes
+    ]
 
 
 def _check(site: Site) -> None:
+    numbers = [lane.number for lane in site.lanes]
+    if twice := sorted({number for number in numbers if numbers.count(number) > 1}):
+        raise SiteError(f"lanes: the number {twice[0]} is given to {numbers.count(twice[0])} lanes; give each its own")
     if len(site.reference) == 1:
         raise SiteError("reference needs two points [x, y] or more, in the order of travel")
     if site.has_ramp:
-        _check_ramp(site, [lane.number for lane in site.lanes])
+        _check_ramp(site, numbers)
     elif site.target_lane != NO_LANE or site.lane_line or not all(map(math.isnan, _places(site))):
         raise SiteError(f"no lane has the role 'ramp'; give it to one, or leave out {', '.join(RAMP_VALUES)}")
     try:
@@ -274,6 +275,8 @@ def _check_ramp(site: Site, numbers: list[int]) -> None:
     for name, is_absent in absent.items():
         if is_absent:
             raise SiteError(f"the value '{name}' is missing; a site with a ramp lane needs it")
+    if not site.merge_zone[0] <= site.merge_zone[1]:
+        raise SiteError(f"merge_zone: expected [from, to] with from before to, {got(list(site.merge_zone))}")
     if site.target_lane not in numbers or site.target_lane in site.ramp_lanes:
         others = [number for number in numbers if number not in site.ramp_lanes]
         raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {others} beside the ramp")

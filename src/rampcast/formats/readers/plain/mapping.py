@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from rampcast.errors import FormatError, SiteError
+from rampcast.file_values import close_name
 from rampcast.formats.steps.units import FOOT, KILOMETRE_PER_HOUR, MILE_PER_HOUR
 from rampcast.recording import columns as c
 from rampcast.sites import Site, load_site
 from rampcast.sites.site import site_from_dict
-from rampcast.sites.values import close_name
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": FOOT}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}

@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
+from rampcast.file_values import close_name
 from rampcast.formats.files.head import Head, plain
 from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.plain.frames import with_frames
@@ -30,7 +31,6 @@ from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane,
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
 from rampcast.sites.site import LANE_WIDTH, NO_LANE
-from rampcast.sites.values import close_name
 
 NAME = "plain"
 REQUIRED = ("vehicle", "time", "x", "y", "lane")

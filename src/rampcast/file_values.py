@@ -1,0 +1,122 @@
+"""The values of a file that a person wrote, as a dataclass: msgspec converts them, and the first fault is named.
+
+A message says where the value stands ("lanes[2].centre", counted from 1), what was expected there, and what came.
+"""
+
+import difflib
+import re
+from collections.abc import Collection, Mapping
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec.inspect import DataclassType, LiteralType, TupleType, Type, VarTupleType, type_info
+
+LONGEST = 60  # characters of a value that a message shows
+MOST_NAMES, LONGEST_NAME = 200, 60  # that are compared with one that is not known
+LARGEST = 1e12  # no value of a file is larger; it also keeps out infinity and what is not a number
+Number = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=LARGEST)]
+Name = Annotated[str, msgspec.Meta(pattern=r"\S")]
+WORDS = {
+    "float": "a number",
+    "int": "a whole number, without quotation marks",
+    "str": "text",
+    "bool": "true or false, without quotation marks",
+    "array": "a list",
+    "object": "a table of keys and values",
+    "null": "nothing",
+}
+LIMITS = {">": "above", ">=": "of at least", "<": "below", "<=": "of at most"}
+
+Kind = TypeVar("Kind")
+
+
+def converted(kind: type[Kind], values: Mapping[str, Any], *, place: str = "") -> Kind:
+    """Returns the values as a dataclass.
+
+    Args:
+        kind: the dataclass; its annotations say what is expected.
+        values: as they were read.
+        place: where in the file they stand; "" for the file itself.
+
+    Raises:
+        ValueError: a value is missing, unknown, or not of its kind; the message names it.
+    """
+    _refuse_unknown(type_info(kind), values, place)
+    try:
+        return msgspec.convert(values, kind)
+    except msgspec.ValidationError as error:
+        what, _, path = str(error).partition(" - at `$")
+        raise ValueError(_told(what, *_at(path, type_info(kind), values, place))) from error
+
+
+def close_name(name: str, known: Collection[str]) -> str:
+    """Returns a question that names the most similar of the known names, or nothing where none is similar."""
+    lower = {one.lower(): one for one in list(known)[:MOST_NAMES] if len(one) <= LONGEST_NAME}  # comparing takes long
+    found = difflib.get_close_matches(name.lower(), lower, n=1)
+    return f"; is '{lower[found[0]]}' meant?" if found else ""
+
+
+def refuse_unknown_keys(values: Collection[str], known: Collection[str], *, place: str = "") -> None:
+    """Refuses a key that is not known, with the question whether a similar one is meant.
+
+    Raises:
+        ValueError: there is one.
+    """
+    for key in values:
+        if key not in known:
+            of = f" of {place}" if place else ""
+            hint = close_name(str(key), known) or f"; known are {', '.join(known)}"
+            raise ValueError(f"there is no value '{str(key)[:LONGEST]}'{of}{hint}")
+
+
+def got(value: Any) -> str:
+    """Returns "got" and a value as the file spells it, cut to a length that can be read."""
+    shown = str(value).lower() if isinstance(value, bool) else re.sub(r"^'(.*)'$", r'"\1"', repr(value))
+    return f"got {shown if len(shown) <= LONGEST else shown[:LONGEST] + '...'}"
+
+
+def _refuse_unknown(kind: Type, values: Any, place: str) -> None:
+    if isinstance(kind, DataclassType) and isinstance(values, Mapping):
+        fields = {field.name: field.type for field in kind.fields}
+        refuse_unknown_keys(values, fields, place=place)
+        for key, value in values.items():
+            _refuse_unknown(fields[key], value, f"{place}.{key}" if place else key)
+    if isinstance(kind, VarTupleType) and isinstance(values, list | tuple):
+        for number, value in enumerate(values, start=1):
+            _refuse_unknown(kind.item_type, value, f"{place}[{number}]")
+
+
+def _at(path: str, kind: Type, value: Any, place: str) -> tuple[str, Type, Any]:
+    """Returns what stands at a path of msgspec's, as ".lanes[0].centre": the place, what is expected, and what came."""
+    for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
+        value = value[key or int(index)]
+        place = f"{place}[{int(index) + 1}]" if index else f"{place}.{key}" if place else key
+        if isinstance(kind, DataclassType):
+            kind = next(field.type for field in kind.fields if field.name == key)
+        elif isinstance(kind, VarTupleType):
+            kind = kind.item_type
+        elif isinstance(kind, TupleType):
+            kind = kind.item_types[int(index)]
+    return place, kind, value
+
+
+def _told(what: str, place: str, kind: Type, value: Any) -> str:
+    """Returns a message of msgspec's in the words of this program."""
+    if missing := re.match(r"Object missing required field `(\w+)`", what):
+        return f"the value '{missing[1]}'{f' of {place}' if place else ''} is missing"
+    if isinstance(kind, LiteralType):
+        known = [str(one) for one in kind.values]
+        return f"{place}: expected one of {', '.join(known)}, {got(value)}{close_name(str(value), known)}"
+    if isinstance(kind, DataclassType):
+        needed = ", ".join(f"{field.name} = ..." for field in kind.fields if field.required)
+        return f"{place}: expected a table {{ {needed} }}, {got(value)}"
+    names, limit = re.match(r"Expected `([^`]*)`( (?:of length )?[<>=]* ?[-+.e\d]+)?", what).groups()  # type: ignore[union-attr]
+    words = " or ".join(WORDS.get(name, name) for name in names.split(" | "))
+    return f"{place}: expected {words}{_limit(limit or '')}, {got(value)}"
+
+
+def _limit(limit: str) -> str:
+    for sign, word in LIMITS.items():
+        limit = limit.replace(f" {sign} ", f" {word} ")
+    return re.sub(r"\.0$", "", limit)
