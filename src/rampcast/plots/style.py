@@ -124,15 +124,6 @@ def new_axes(width: float = PANEL_WIDTH, height: float = PANEL_HEIGHT) -> Axes:
     return figure.add_axes(place, label=OWN_FIGURE)
 
 
-def drawing_axes(width: float, *, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    """Returns axes without frame or ticks, of equal scale in x and y, on a figure that is `width` [inch] wide."""
-    figure = Figure(figsize=(width, width * (y[1] - y[0]) / (x[1] - x[0])))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=x, ylim=y)
-    axes.set_axis_off()
-    return axes
-
-
 def figure_of(ax: Axes) -> Figure:
     """Returns the figure that the axes belong to."""
     figure = ax.get_figure(root=True)

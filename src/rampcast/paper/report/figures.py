@@ -8,7 +8,7 @@ from functools import partial
 import polars as pl
 from matplotlib.axes import Axes
 
-from rampcast.paper.report import drawings, drawings_of_models, lane_change, longitudinal
+from rampcast.paper.report import lane_change, longitudinal
 from rampcast.paper.report.claims import main_reading
 from rampcast.paper.report.tables import modes_of
 from rampcast.plots import tracks
@@ -43,13 +43,17 @@ class Panel:
 
 @dataclass(frozen=True)
 class FigureEntry:
-    """A numbered figure: its panels, its caption, and what could not be drawn and why."""
+    """A numbered figure: its panels, its caption, and what could not be drawn and why.
+
+    One that is the same in every report has the name of a file in the folder `drawings` instead of panels.
+    """
 
     number: str
     title: str
     caption: str
-    panels: tuple[Panel, ...]
+    panels: tuple[Panel, ...] = ()
     missing: tuple[str, ...] = ()
+    drawing: str = ""
 
 
 def setting_figures(site: Site) -> Iterator[FigureEntry]:
@@ -61,7 +65,7 @@ def setting_figures(site: Site) -> Iterator[FigureEntry]:
         "followers in the target lane (l1, l2, f1, f2), and the actual leader (m) that the car-following law obeys: "
         "half-way between l and the nearest target-lane vehicle ahead, or that vehicle alone once l has passed the "
         "ramp's end.",
-        (Panel("1", "", drawings.neighbour_geometry),),
+        drawing="neighbours.svg",
     )
     yield FigureEntry(
         "2",
@@ -69,21 +73,21 @@ def setting_figures(site: Site) -> Iterator[FigureEntry]:
         "From 4 s of observation (blue) two networks predict the neighbours (yellow); a law fitted to the driver is "
         "rolled out behind the actual leader for 15 s; apart from that, forests tell whether and when the lane "
         "change comes (green).",
-        (Panel("2", "", drawings.framework),),
+        drawing="framework.svg",
     )
     yield FigureEntry(
         "3",
         "One cell of an LSTM",
         "Three gates (σ) decide what the cell state forgets, takes in, and shows. The neighbour models stack two "
         "encoding and two decoding layers of 100 such cells.",
-        (Panel("3", "", drawings_of_models.lstm_cell),),
+        drawing="lstm_cell.svg",
     )
     yield FigureEntry(
         "4",
         "How a random forest decides",
         "One input walks down every tree (orange); the trees are of different depth; the share of leaves that say "
         "yes is the forest's probability of a lane change.",
-        (Panel("4", "", drawings_of_models.forest_decision),),
+        drawing="forest.svg",
     )
     yield _site_figure(site)
 

@@ -4,6 +4,7 @@ import base64
 import io
 import re
 from collections.abc import Iterator, Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,8 @@ def _all_tables(tables: dict[str, pl.DataFrame], paper: Mapping[str, Any]) -> It
 
 def _write_figure(entry: FigureEntry, out: Path) -> Iterator[dict[str, str]]:
     """Draws and saves the panels of a figure; yields what the page needs of each."""
+    if entry.drawing:
+        yield _write_drawing(entry, out)
     axes: list[tuple[str | None, Axes]] = []
     for panel in entry.panels:
         ax = panel.draw()
@@ -140,10 +143,27 @@ def _write_figure(entry: FigureEntry, out: Path) -> Iterator[dict[str, str]]:
     for panel, (_, ax) in zip(entry.panels, axes, strict=True):
         stem = f"figure-{panel.name}"
         svg = _save(style.figure_of(ax), out / "figures", stem)
-        uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
         width, height = style.figure_of(ax).get_size_inches()
-        text = f"Figure {entry.number}. {entry.title}. {panel.title}".strip()
-        yield {"stem": stem, "uri": uri, "alt": text, "width": f"{96 * width:.0f}", "height": f"{96 * height:.0f}"}
+        yield _embedded(entry, stem, svg, size=(width, height), title=panel.title)
+
+
+def _write_drawing(entry: FigureEntry, out: Path) -> dict[str, str]:
+    """Copies a drawing that ships with the package; returns what the page needs of it."""
+    svg = (resources.files("rampcast.paper.report") / "drawings" / entry.drawing).read_bytes()
+    stem = f"figure-{entry.number}"
+    with write_whole(out / "figures" / f"{stem}.svg") as partial:
+        partial.write_bytes(svg)
+    width, height = map(float, re.findall(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)[0])  # in points, 72 an inch
+    return _embedded(entry, stem, svg, size=(width / 72, height / 72))
+
+
+def _embedded(
+    entry: FigureEntry, stem: str, svg: bytes, *, size: tuple[float, float], title: str = ""
+) -> dict[str, str]:
+    """Returns what the page needs of one picture; its size in [inch]."""
+    uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+    text = f"Figure {entry.number}. {entry.title}. {title}".strip()
+    return {"stem": stem, "uri": uri, "alt": text, "width": f"{96 * size[0]:.0f}", "height": f"{96 * size[1]:.0f}"}
 
 
 def _save(figure: Figure, folder: Path, stem: str) -> bytes:
