@@ -62,6 +62,7 @@ def test_the_page_has_the_whole_front_door_under_its_short_names():
             assert locate_name(*entry.path.rpartition(".")[::2]) is getattr(rc, entry.heading.removeprefix("rc."))
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_page_run_one_after_the_other(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     space: dict[str, object] = {"__name__": "api"}

@@ -43,6 +43,7 @@ def relative_links(page: Path) -> list[str]:
     return [target for target in found if not target.startswith(("http://", "https://", "mailto:"))]
 
 
+@pytest.mark.slow
 def test_the_code_in_the_readme_runs_and_leaves_a_picture(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (block,) = PYTHON_BLOCK.findall((ROOT / "README.md").read_text(encoding="utf-8"))
@@ -51,6 +52,7 @@ def test_the_code_in_the_readme_runs_and_leaves_a_picture(tmp_path, monkeypatch,
     assert "constant_velocity" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_tutorial_runs_and_a_loaded_model_forecasts_the_same(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     printed = script("tutorial_page").run((DOCS / "tutorial.py").read_text(encoding="utf-8"))

@@ -123,6 +123,7 @@ def test_convert_and_inspect_go_round(files, tmp_path):
     assert "713" in shown  # the paper's count of on-ramp vehicles, beside ours
 
 
+@pytest.mark.slow
 def test_a_place_that_cannot_be_written_is_one_message(files, tmp_path):
     (tmp_path / "taken").write_text("a file")
     done = rampcast("convert", files[0], "--out", tmp_path / "taken" / "x.parquet", expect=2)

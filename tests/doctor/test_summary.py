@@ -100,6 +100,7 @@ def test_a_front_ahead_of_the_leaders_rear_is_an_overlap():
     assert only_window(recorded(follower, other_lane)).overlaps == 0
 
 
+@pytest.mark.slow
 def test_overlaps_equal_those_of_a_plain_loop():
     recording = random_traffic(3, vehicles=20)
     rows = recording.tracks.select(c.FRAME, c.LANE, c.X, c.LENGTH).rows()
@@ -187,6 +188,7 @@ def test_the_summary_counts_what_the_diagnosis_counts(name):
     assert_same_counts(RECORDINGS[name]())
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize(
     "name", ["us101_excerpts.csv", "us101_lane_changers.parquet", "i80_pairs_three_windows.parquet"]

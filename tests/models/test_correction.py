@@ -3,9 +3,12 @@
 from functools import lru_cache
 
 import numpy as np
+import pytest
 
 from rampcast.models.correction import KNOTS, LEVELS, CorrectionSpec, Rolled, fit_correction, over_time
 from rampcast.models.folds import time_folds
+
+pytestmark = pytest.mark.slow
 
 SPEC = CorrectionSpec(trees=16, learning_rate=0.2)
 

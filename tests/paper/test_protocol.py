@@ -22,6 +22,8 @@ from rampcast.recording import clean
 from rampcast.traffic.anchors import X
 from tests.made_up_traffic import random_traffic
 
+pytestmark = pytest.mark.slow
+
 SMALL = TrainingSpec(
     lstm=LstmSpec(units=4, epochs=1, batch=64),
     window_stride=9,

@@ -18,6 +18,8 @@ from rampcast.simulate import shipped_sample
 from rampcast.sites import load_site
 from tests.ngsim_writer import gzipped, write_ngsim_txt, write_portal_csv, zipped
 
+pytestmark = pytest.mark.slow
+
 SMALL = TrainingSpec(
     lstm=LstmSpec(units=6, epochs=1, batch=64),
     window_stride=25,

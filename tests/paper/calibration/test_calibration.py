@@ -19,7 +19,7 @@ from rampcast.paper.laws.laws import LAWS, Law
 from rampcast.paper.laws.mode import Mode
 from tests.paper.calibration.followers import driven, mean_squared_error, parameters_inside, scattered
 
-pytestmark = pytest.mark.usefixtures("double_precision")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("double_precision")]
 
 IDM = LAWS["idm"]
 REFERENCE_STARTS = 64

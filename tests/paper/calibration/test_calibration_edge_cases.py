@@ -12,6 +12,8 @@ from rampcast.paper.laws.laws import LAWS, Law
 from rampcast.paper.laws.mode import Mode
 from tests.paper.calibration.followers import driven, mean_squared_error
 
+pytestmark = pytest.mark.slow
+
 PAST = 20
 EVERY_LAW = pytest.mark.parametrize("law", list(LAWS.values()), ids=list(LAWS))
 

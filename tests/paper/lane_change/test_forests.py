@@ -129,6 +129,7 @@ def test_corrected_mode_never_falls_with_t_and_paper_mode_is_left_alone(anchors:
     assert SPECS[Mode.PAPER].cumulative is Cumulative.AS_TRAINED
 
 
+@pytest.mark.slow
 def test_natural_training_gives_the_natural_base_rate() -> None:
     train, test = (random_anchors(np.random.default_rng(seed), 3000) for seed in (6, 7))
     rate = np.mean(test.change_time[~np.isnan(test.change_time)] < 5.0)

@@ -15,6 +15,8 @@ from rampcast.paper.report.report import read_tables, write_report
 from rampcast.sites import Site, load_site
 from tests.plots import tidy_tables
 
+pytestmark = pytest.mark.slow
+
 PAPER = {"parameters": {"ghr": {"alpha": {"mean": 2.84, "median": 2.14, "standard_deviation": 4.77}}}}
 FIGURES = [*map(str, range(1, 12)), "A1", "A2", "A3", "A4", "A5", "A6"]
 TABLES = ["1", "2", "3", "4", "A1", "A2", "A3", "A4", "A5"]

@@ -33,6 +33,13 @@ LANE_CHANGE_METRICS = {
     "best_accuracy": "best accuracy",
     "brier_skill": "Brier skill",
 }
+LANE_CHANGE_CAPTION = (
+    "TPR and TNR: share of the lane changes, and of the others, that are recognised. PPV and NPV: share of "
+    "a model's yes and no that is right. Best accuracy: with the threshold that is the best on these very samples. "
+    "Brier skill: how far the squared error of the probabilities lies below that of always saying the base rate. "
+    "The forests are scored at every 0.2 s, rampcast on the scenes of Table A4. A dash: undefined, for want of "
+    "such samples."
+)
 Values = Mapping[str, Any]
 
 NOTATION = (
@@ -249,11 +256,7 @@ def lane_change_table(lane_change: pl.DataFrame | None, *, number: str) -> Table
     return Table(
         number=number,
         title=title,
-        caption="TPR and TNR: share of the lane changes, and of the others, that are recognised. PPV and NPV: share of "
-        "a model's yes and no that is right. Best accuracy: with the threshold that is the best on these very samples. "
-        "Brier skill: how far the squared error of the probabilities lies below that of always saying the base rate. "
-        "The forests are scored at every 0.2 s, rampcast on the scenes of Table A4. A dash: undefined, for want of "
-        "such samples.",
+        caption=LANE_CHANGE_CAPTION,
         head=(tuple((text, 1) for text in heads),),
         rows=tuple(rows),
         data=lane_change,
