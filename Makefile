@@ -34,6 +34,7 @@ bench-smoke: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python docs/scripts/cli_reference.py
+	$(BIN)/python docs/scripts/formats_pages.py
 	$(BIN)/mkdocs build --strict
 
 sample: $(VENV)/.installed-dev

@@ -31,7 +31,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Found:
+class Piece:
     """What a piece of the file holds: vehicles, how many others, bad rows (the first 100), and how many of these."""
 
     table: pl.DataFrame
@@ -70,7 +70,7 @@ class Careful:
             self._feed(f"</{ROOT}>".encode())
         self._elements.line = place.line
 
-    def parse(self, block: bytes) -> Found:
+    def parse(self, block: bytes) -> Piece:
         """Returns what the next bytes hold.
 
         Raises:
@@ -136,10 +136,10 @@ class _Elements:
         self._faults_counted = 0
         self._others = 0
 
-    def take(self) -> Found:
+    def take(self) -> Piece:
         """Returns what was found since it was last asked."""
         table = pl.DataFrame(self._values, schema=fcd_schema(self._columns))
-        found = Found(table, self._others, tuple(self._faults), self._faults_counted)
+        found = Piece(table, self._others, tuple(self._faults), self._faults_counted)
         self._clear()
         return found
 

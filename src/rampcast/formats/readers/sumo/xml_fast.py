@@ -24,7 +24,7 @@ from rampcast.formats.readers.sumo.xml_careful import (
     ROOT,
     TIME,
     Careful,
-    Found,
+    Piece,
     Place,
     cut_off,
     fcd_schema,
@@ -62,7 +62,7 @@ def read_fcd_xml(path: Path, columns: Sequence[Column], bad_rows: BadRows) -> tu
     return rows, sum(part.others for part in parts)
 
 
-def _read(name: str, stream: BufferedIOBase, columns: Sequence[Column], bad_rows: BadRows) -> Iterator[Found]:
+def _read(name: str, stream: BufferedIOBase, columns: Sequence[Column], bad_rows: BadRows) -> Iterator[Piece]:
     blocks = _blocks(name, stream)
     first = next(blocks, b"")
     root = expect_root(name, first, ROOT)
@@ -106,7 +106,7 @@ def _blocks(name: str, stream: BufferedIOBase) -> Iterator[bytes]:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _LineShape:
     """How the vehicles of a block are written: the cells that all lines share, and the index of each wanted value."""
 
     labels: Mapping[int, str]
@@ -117,11 +117,11 @@ class _Layout:
         return 2 * len(self.labels) - 1
 
 
-def _layout(block: bytes, columns: Sequence[Column]) -> _Layout | None:
-    """Returns the layout of the block's first vehicle, or None if it is not as SUMO writes it."""
+def _shape(block: bytes, columns: Sequence[Column]) -> _LineShape | None:
+    """Returns the shape of the block's first vehicle, or None if it is not as SUMO writes it."""
     line = FIRST_VEHICLE.search(block)
     if line is None:  # steps without vehicles
-        return _Layout({0: VEHICLE, 2: "/>"}, {1: columns[0]})
+        return _LineShape({0: VEHICLE, 2: "/>"}, {1: columns[0]})
     labels = dict(enumerate(line[0].decode("utf-8", "replace").split('"')[::2]))
     names = ["id"]
     for index in range(1, len(labels) - 1):
@@ -134,40 +134,40 @@ def _layout(block: bytes, columns: Sequence[Column]) -> _Layout | None:
     known = {spelling: column for column in columns for spelling in column.spellings}
     wanted = {2 * index + 1: known[name] for index, name in enumerate(names) if name in known}
     has_all = all(column.optional or column in wanted.values() for column in columns)
-    return _Layout({2 * index: label for index, label in labels.items()}, wanted) if has_all else None
+    return _LineShape({2 * index: label for index, label in labels.items()}, wanted) if has_all else None
 
 
-def _parse_fast(block: bytes, place: Place, columns: Sequence[Column]) -> tuple[Found, Place] | None:
+def _parse_fast(block: bytes, place: Place, columns: Sequence[Column]) -> tuple[Piece, Place] | None:
     """Returns what a block of lines as SUMO writes them holds, and the place after it; None if anything is not so."""
     block = block.replace(b"\r\n", b"\n")
     body, end, tail = block.partition(END)
     lines = body.strip(b"\n").rstrip(b" \t\n")
     if place.is_past_end or tail.strip():
-        return None if block.strip() else (Found(pl.DataFrame(schema=fcd_schema(columns))), place)
-    layout = _layout(body, columns)
-    table = _read_lines(lines, layout) if layout is not None else None
-    found = _vehicles(table, layout, place, columns) if layout is not None and table is not None else None
+        return None if block.strip() else (Piece(pl.DataFrame(schema=fcd_schema(columns))), place)
+    shape = _shape(body, columns)
+    table = _read_lines(lines, shape) if shape is not None else None
+    found = _vehicles(table, shape, place, columns) if shape is not None and table is not None else None
     if found is None:
         return None
     vehicles, others, time = found
     if end and time is not None:
         return None
-    return Found(vehicles, others), Place(place.line + block.count(b"\n"), time, bool(end))
+    return Piece(vehicles, others), Place(place.line + block.count(b"\n"), time, bool(end))
 
 
-def _read_lines(lines: bytes, layout: _Layout) -> pl.DataFrame | None:
+def _read_lines(lines: bytes, shape: _LineShape) -> pl.DataFrame | None:
     """Returns the cells between the quotes of each line, or None if a line is not one element."""
     count = lines.count(b"\n") + 1 if lines else 0
     if lines.count(b"<") != count or b"&" in lines or b"\0" in lines:
         return None
-    names = [f"{index}" for index in range(layout.size)]
-    types = {names[index]: column.type for index, column in layout.wanted.items()}
+    names = [f"{index}" for index in range(shape.size)]
+    types = {names[index]: column.type for index, column in shape.wanted.items()}
     try:
         table = pl.read_csv(
             io.BytesIO('"'.join(names).encode() + b"\n" + lines),
             separator='"',
             quote_char=None,
-            columns=sorted({*layout.labels, *layout.wanted, 1}),
+            columns=sorted({*shape.labels, *shape.wanted, 1}),
             schema=dict.fromkeys(names, pl.String()) | types | {"1": pl.String()},
         )
     except pl.exceptions.PolarsError:
@@ -176,14 +176,14 @@ def _read_lines(lines: bytes, layout: _Layout) -> pl.DataFrame | None:
 
 
 def _vehicles(
-    table: pl.DataFrame, layout: _Layout, place: Place, columns: Sequence[Column]
+    table: pl.DataFrame, shape: _LineShape, place: Place, columns: Sequence[Column]
 ) -> tuple[pl.DataFrame, int, float | None] | None:
     """Returns the vehicles, the number of persons, and the time of the step that is open at the end; None if odd."""
-    first = pl.col("0") == layout.labels[0]
+    first = pl.col("0") == shape.labels[0]
     table = table.with_row_index("line").with_columns(first.fill_null(False).alias("is_vehicle"))
     vehicles, rest = table.filter("is_vehicle"), table.filter(~pl.col("is_vehicle"))
     same = vehicles.select(
-        pl.col(f"{index}").eq_missing(pl.lit(label)).all() for index, label in layout.labels.items() if index
+        pl.col(f"{index}").eq_missing(pl.lit(label)).all() for index, label in shape.labels.items() if index
     )
     tag = rest["0"].str.strip_chars_start(" \t")
     steps = _steps(rest, tag, place)
@@ -192,14 +192,14 @@ def _vehicles(
         return None
     starts, times = steps
     inside = times[np.searchsorted(starts, vehicles["line"].to_numpy(), side="right") - 1]
-    found = vehicles.select(pl.Series(TIME, inside), *_values(layout, columns))
-    if np.isnan(inside).any() or _breaks_rules(found, layout.wanted.values()):
+    found = vehicles.select(pl.Series(TIME, inside), *_values(shape, columns))
+    if np.isnan(inside).any() or _breaks_rules(found, shape.wanted.values()):
         return None
     return found, others, None if np.isnan(times[-1]) else float(times[-1])
 
 
-def _values(layout: _Layout, columns: Sequence[Column]) -> Iterator[pl.Expr]:
-    places = {column.name: f"{index}" for index, column in layout.wanted.items()}
+def _values(shape: _LineShape, columns: Sequence[Column]) -> Iterator[pl.Expr]:
+    places = {column.name: f"{index}" for index, column in shape.wanted.items()}
     for column in columns:
         cell = pl.col(places[column.name]) if column.name in places else pl.lit(None)
         yield cell.cast(column.type).alias(column.name)
