@@ -12,8 +12,8 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.files import write_whole
-from rampcast.formats.readers.i24.stream import ROADS, Batch, kept_ids
-from rampcast.formats.readers.i24.tracks import EAST, WEST
+from rampcast.formats.readers.i24.stream import Batch, kept_ids
+from rampcast.formats.readers.i24.tracks import EAST, ROADS, WEST
 from rampcast.formats.steps.units import FOOT, MILE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c

@@ -15,39 +15,41 @@ from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import Batch, read_batches
-from rampcast.formats.readers.i24.table import sampled_rows
-from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LONGEST, WEST, WIDEST, Fault, Layout
+from rampcast.formats.readers.i24.table import clock_of_rows, sampled_rows, starts_of
+from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LONGEST, WEST, WIDEST, Fault, Keys
 from rampcast.formats.steps.units import FOOT
-from rampcast.formats.steps.vehicles import whole_ids, with_sizes
+from rampcast.formats.steps.vehicles import whole_ids
 from rampcast.formats.tables.columns import Column, missing_column
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
-from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.sites import Site
 
 ORIGIN = 309_804.0625 * FOOT  # [m] where v1's x has the Mill Creek bridge
 FAR = 100_000.0  # [m]
 LATEST = 1e10  # [s since 1970]
-LAYOUT = Layout(
+KEYS = Keys(
     title="I-24 MOTION MVT v2.1",
     source="i24_mvt",
     id="trajectory_id",
-    x="x_position_meters",
-    y="y_position_corrected_meters",
+    arrays={
+        "x": "x_position_meters",
+        "y": "y_position_corrected_meters",
+        "v": "speed_meters_per_second",
+        "a": "acceleration_meters_per_second_per_second",
+    },
     unit=1.0,
     lane="lane_number",
-    extra={c.RECORDED_V: "speed_meters_per_second", c.RECORDED_A: "acceleration_meters_per_second_per_second"},
     has_direction=False,
 )
 COLUMNS = (
-    Column("id", (LAYOUT.id,), pl.Categorical()),
+    Column("id", (KEYS.id,), pl.Categorical()),
     Column("time", ("timestamp",), low=0, high=LATEST),
-    Column("x", (LAYOUT.x,), low=-FAR, high=FAR),
-    Column("y", (LAYOUT.y,), low=-FAR, high=FAR),
-    Column("lane", (LAYOUT.lane,), pl.Int16(), LANES[0], LANES[-1]),
-    Column("v", (LAYOUT.extra[c.RECORDED_V],), low=-150, high=150, may_be_blank=True),
-    Column("a", (LAYOUT.extra[c.RECORDED_A],), low=-1000, high=1000, optional=True, may_be_blank=True),
+    Column("x", (KEYS.arrays["x"],), low=-FAR, high=FAR),
+    Column("y", (KEYS.arrays["y"],), low=-FAR, high=FAR),
+    Column("lane", (KEYS.lane,), pl.Int16(), LANES[0], LANES[-1]),
+    Column("v", (KEYS.arrays["v"],), low=-150, high=150, may_be_blank=True),
+    Column("a", (KEYS.arrays["a"],), low=-1000, high=1000, optional=True, may_be_blank=True),
     Column("length", ("length",), low=0, high=LONGEST, optional=True, may_be_blank=True),
     Column("width", ("width",), low=0, high=WIDEST, optional=True, may_be_blank=True),
     Column("class", ("coarse_vehicle_class",), pl.Int8(), min(KINDS), max(KINDS), optional=True, may_be_blank=True),
@@ -59,7 +61,7 @@ TYPICAL_CLASS = 0  # where none is given: a sedan
 def misses_i24_mvt(head: Head) -> str | None:
     """Returns the first thing a file lacks to be this; None if nothing."""
     if _is_json(head.text):
-        return None if f'"{LAYOUT.id}"'.encode() in head.text else f"no key '{LAYOUT.id}' in its first vehicle"
+        return None if f'"{KEYS.id}"'.encode() in head.text else f"no key '{KEYS.id}' in its first vehicle"
     return missing_column(head, COLUMNS)
 
 
@@ -76,7 +78,7 @@ def read_i24_mvt(
     Raises:
         FormatError: a file is missing or not as it should be, or json files and tables are mixed.
     """
-    return read_tracks(_batches(heads, bad_rows), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+    return read_tracks(_batches(heads, bad_rows), KEYS.source, i24_sites(origin=ORIGIN), site)
 
 
 def convert_i24_mvt(
@@ -87,7 +89,7 @@ def convert_i24_mvt(
     Args:
         out: the file to write; where both carriageways are in the files there are two, OUT-west and OUT-east.
     """
-    return convert_tracks(_batches(heads, bad_rows), Path(out), LAYOUT.source, i24_sites(origin=ORIGIN), site)
+    return convert_tracks(_batches(heads, bad_rows), Path(out), KEYS.source, i24_sites(origin=ORIGIN), site)
 
 
 def _is_json(text: bytes) -> bool:
@@ -97,7 +99,7 @@ def _is_json(text: bytes) -> bool:
 def _batches(heads: Sequence[Head], bad_rows: BadRows) -> Iterator[Batch]:
     are_json = [_is_json(head.text) for head in heads]
     if all(are_json):
-        yield from read_batches([head.path for head in heads], LAYOUT, bad_rows)
+        yield from read_batches([head.path for head in heads], KEYS, bad_rows)
     elif any(are_json):
         raise FormatError(f"{heads[are_json.index(True)].path}: a json file among tables; convert each kind by itself")
     else:
@@ -107,7 +109,7 @@ def _batches(heads: Sequence[Head], bad_rows: BadRows) -> Iterator[Batch]:
 def _batch(heads: Sequence[Head], bad_rows: BadRows) -> Batch:
     """Returns all vehicles of tables."""
     files = [read_rows(head, COLUMNS, bad_rows=bad_rows) for head in heads]
-    report = join_reports([rows.report(LAYOUT.title) for rows in files])
+    report = join_reports([rows.report(KEYS.title) for rows in files])
     table = pl.concat([_completed(rows.table) for rows in files])
     numbers, _ = whole_ids(table["id"])
     table = table.with_columns(numbers.alias("number"))
@@ -116,21 +118,14 @@ def _batch(heads: Sequence[Head], bad_rows: BadRows) -> Batch:
         if _is_sorted(table)
         else table.sort("number", "time").unique(["number", "time"], keep="first", maintain_order=True)
     )
+    clock = clock_of_rows(unique)
     try:
-        found = sampled_rows(unique)
+        found = sampled_rows(unique, clock)
     except Fault as error:
         raise FormatError(f"{', '.join(report.files)}: {error}") from error
-    rows, filled = with_sizes(found.rows)
-    more = ReadReport(
-        files=(),
-        forms=(),
-        rows_read=0,
-        duplicates=table.height - unique.height,
-        rows_interpolated=found.interpolated,
-        rows_off_frames=found.off_frames,
-        sizes_filled=filled,
-    )
-    return Batch(rows, found.names, found.clock.step, join_reports([report, more]))
+    names = tuple(unique["id"].gather(starts_of(unique)).cast(pl.String))
+    removed = ReadReport((), (), 0, duplicates=table.height - unique.height)
+    return Batch(found.rows, names, clock.step, join_reports([report, removed, found.report()]))
 
 
 def _completed(table: pl.DataFrame) -> pl.DataFrame:

@@ -1,6 +1,7 @@
-"""Vehicles of I-24 MOTION's tables, all at once, as rows of a plane at the frames of their recording.
+"""Vehicles of I-24 MOTION, all at once, as rows of a plane at the frames of their recording.
 
-It does of many vehicles what `i24_tracks.sampled` and `i24_stream.plane_rows` do of those of a json file one by one.
+The plane has x to the east and y to the north, in metres; y = 0 at the left edge of both carriageways. Between two
+times a vehicle is interpolated linearly; in holes of more than 5 time steps there are no frames.
 """
 
 from collections.abc import Sequence
@@ -11,25 +12,45 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float, Int
 
-from rampcast.formats.readers.i24.stream import ROADS, day_of, lane_names
-from rampcast.formats.readers.i24.tracks import HOLE, KINDS, ON_FRAME, Clock, check_times, clock_of_times
+from rampcast.formats.readers.i24.tracks import (
+    HOLE,
+    KINDS,
+    LANES,
+    ON_FRAME,
+    ROADS,
+    Clock,
+    check_times,
+    clock_of_times,
+    day_of,
+)
 from rampcast.formats.steps.units import FOOT
-from rampcast.formats.steps.vehicles import TYPICAL_SIZES
+from rampcast.formats.steps.vehicles import TYPICAL_SIZES, with_sizes
 from rampcast.recording import columns as c
+from rampcast.recording.reading import ReadReport
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE
 
 BLOCK = 1 << 15  # [rows] done at once: two dozen arrays of them fit the cache of a core
 
 
 @dataclass(frozen=True)
-class Found:
-    """The rows of a plane, the names of the vehicles, the clock of the recording, and counts of rows as in a report."""
+class SampledRows:
+    """The rows of a plane, and how many were interpolated, lay on no frame of their own, or had no size."""
 
     rows: pl.DataFrame
-    names: tuple[str, ...]
-    clock: Clock
     interpolated: int
     off_frames: int
+    sizes_filled: int
+
+    def report(self) -> ReadReport:
+        """Returns these counts."""
+        return ReadReport(
+            (),
+            (),
+            0,
+            rows_interpolated=self.interpolated,
+            rows_off_frames=self.off_frames,
+            sizes_filled=self.sizes_filled,
+        )
 
 
 @dataclass(frozen=True)
@@ -58,29 +79,42 @@ class _Frames:
         return np.where(self.since == 0.0, start, between)
 
 
-def sampled_rows(table: pl.DataFrame) -> Found:
-    """Returns the vehicles of a table, numbered from 1, at the frames of their recording.
+def clock_of_rows(table: pl.DataFrame) -> Clock:
+    """Returns the clock of a recording, told from the vehicle of the table with the most rows."""
+    starts = starts_of(table)
+    counts = np.diff(np.r_[starts, table.height])
+    longest = int(counts.argmax())
+    return clock_of_times(table["time"].to_numpy()[starts[longest] : starts[longest] + counts[longest]])
+
+
+def starts_of(table: pl.DataFrame) -> Int[np.ndarray, "vehicle"]:
+    """Returns the first row of each vehicle."""
+    return np.flatnonzero(np.diff(table["number"].to_numpy(), prepend=-1))
+
+
+def sampled_rows(table: pl.DataFrame, clock: Clock, *, first: int = 1) -> SampledRows:
+    """Returns vehicles at the frames of their recording.
 
     Args:
-        table: sorted by number and time, no time of a vehicle twice; columns of `i24_mvt.COLUMNS` and `number`.
+        table: sorted by number and time, no time of a vehicle twice; columns of `ROWS`.
+        clock: of the recording, which is named for its day.
+        first: number of the first vehicle.
 
     Raises:
         Fault: a time is not of this recording.
     """
-    starts = np.flatnonzero(np.diff(table["number"].to_numpy(), prepend=-1))
-    ends = np.r_[starts[1:], table.height]
-    time = table["time"].to_numpy()
-    longest = int((ends - starts).argmax())
-    clock = clock_of_times(time[starts[longest] : ends[longest]])
+    starts, time = starts_of(table), table["time"].to_numpy()
+    ends = np.r_[starts[1:], table.height][: len(starts)]
     check_times(time[starts], time[ends - 1], clock)
     cuts = np.unique(np.r_[np.searchsorted(starts, np.arange(0, table.height, BLOCK)), len(starts)])
-    found = []
+    parts, interpolated = [pl.DataFrame(schema=PLANE_SCHEMA)], 0
     for low, high in pairwise(cuts.tolist()):
         part = table[int(starts[low]) : int(ends[high - 1])]
-        found.append(_sampled(part, starts[low:high] - starts[low], clock, first=low + 1))
-    rows, interpolated = pl.concat([part for part, _ in found], rechunk=True), sum(count for _, count in found)
-    names = tuple(table["id"].gather(starts).cast(pl.String))
-    return Found(rows, names, clock, interpolated, table.height - (rows.height - interpolated))
+        rows, between = _sampled(part, starts[low:high] - starts[low], clock, first=first + low)
+        parts.append(rows)
+        interpolated += between
+    rows, filled = with_sizes(pl.concat(parts, rechunk=True))
+    return SampledRows(rows, interpolated, table.height - (rows.height - interpolated), filled)
 
 
 def _sampled(
@@ -164,7 +198,7 @@ def _rows(
         c.FRAME: frames.frame.astype(np.int32),
         PX: front,
         PY: right,
-        SOURCE_LANE: lane_names(table["lane"].gather(nearest)),
+        SOURCE_LANE: _lane_names(table["lane"].gather(nearest)),
         c.LENGTH: each(c.LENGTH, sizes["length"]),
         c.WIDTH: each(c.WIDTH, sizes["width"]),
         c.KIND: each(c.KIND, kinds),
@@ -182,3 +216,9 @@ def _sides(y: Float[np.ndarray, "moment"], starts: Int[np.ndarray, "vehicle"]) -
     for vehicle in np.flatnonzero((low < 0) & (high >= 0)):
         sides[vehicle] = 1.0 if np.median(y[starts[vehicle] : ends[vehicle]]) >= 0 else -1.0
     return sides
+
+
+def _lane_names(numbers: pl.Series) -> pl.Series:
+    """Returns the names of lanes; null off the road, and where there is no number."""
+    names = pl.Series([str(number) if number else None for number in LANES], dtype=pl.Categorical())
+    return names.gather(numbers)

@@ -1,19 +1,17 @@
-"""Vehicles of I-24 MOTION's json files, checked, in metres, and interpolated to frames at equal times.
+"""Vehicles of I-24 MOTION's json files, checked; the clock of a recording and the rows that vehicles are together.
 
 Each element of the array is one vehicle: arrays of times and of places of the middle of its rear, and its size in feet.
 Source of keys, units and place: the schema of I-24 MOTION's reconciled trajectories; see docs/formats/i24.md.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
-
-from rampcast.formats.steps.units import FOOT
-from rampcast.formats.steps.vehicles import TYPICAL_SIZES
-from rampcast.recording import columns as c
+import polars as pl
+from jaxtyping import Float
 
 NOMINAL_STEP = 0.04  # [s] 25 Hz
 HOLE = 5  # time steps between two times of a vehicle beyond which nothing is interpolated
@@ -23,33 +21,38 @@ MOST_DAYS = 4  # that one recording may last
 LARGEST_FLOAT = float(np.finfo(float).max)
 LONGEST, WIDEST = 200.0, 60.0  # [ft] of a vehicle
 KINDS = {0: "car", 1: "car", 2: "car", 3: "car", 4: "truck", 5: "truck", 6: "motorcycle"}  # coarse_vehicle_class
-RIGHT = "right"  # distance from the left edge of the carriageway [m]
 WEST, EAST = -1, 1  # direction
+ROADS = {WEST: "west", EAST: "east"}
 LANES = tuple(range(21))  # lane numbers; 0 is off the road
+ROWS: Mapping[str, Any] = {  # columns of vehicles' rows: time [s since 1970], places [m], sizes [ft]
+    "number": pl.Int32(),
+    **dict.fromkeys(("time", "x", "y"), pl.Float64()),
+    "lane": pl.Int16(),
+    **dict.fromkeys(("v", "a", "length", "width"), pl.Float64()),
+    **dict.fromkeys(("class", "direction"), pl.Int8()),
+}
 
 
 @dataclass(frozen=True)
-class Layout:
-    """How a file of this family is written.
+class Keys:
+    """The keys of a vehicle in a file of this family.
 
     Attributes:
-        title: for reports.
+        title: of the files, for reports.
         source: the format's name.
-        id, x, y: keys; the id may lie in an object of its own.
+        id: of its name, which may lie in an object of its own.
+        arrays: of its arrays by our names: x and y, and what else is read.
         unit: of x and y [m].
-        lane: key of the number of a vehicle's lane; "" if there is none.
-        extra: arrays that are read as well: our column, and the key.
-        has_direction: whether a vehicle must say its direction; else it is west unless it says another.
+        lane: of the number of its lane; "" if there is none.
+        has_direction: whether it must say its direction; else it is west unless it says another.
     """
 
     title: str
     source: str
     id: str
-    x: str
-    y: str
+    arrays: Mapping[str, str]
     unit: float
     lane: str = ""
-    extra: Mapping[str, str] = field(default_factory=dict)
     has_direction: bool = True
 
 
@@ -68,57 +71,25 @@ class Track:
     Attributes:
         id: its name in the source.
         time: [s since 1970], growing.
-        x: of the middle of its rear, grows to the east [m].
-        right: how far right of the left edge of its carriageway [m].
-        direction: of travel, -1 west, 1 east.
-        length, width: [m]; NaN where not known.
-        kind: of our kinds.
-        lane: the numbers of its lanes, 0 off the road; None where the source has none.
-        extra: other arrays, by our names; NaN where not known.
+        values: at these times: x and y of the middle of its rear [m], v [m/s] and a [m/s^2] where the source has them.
+        fixed: what does not change: direction, class, length and width [ft], lane; None where not known.
     """
 
     id: str
     time: Float[np.ndarray, "moment"]
-    x: Float[np.ndarray, "moment"]
-    right: Float[np.ndarray, "moment"]
-    direction: int
-    length: float
-    width: float
-    kind: str
-    lane: Int[np.ndarray, "moment"] | None
-    extra: Mapping[str, Float[np.ndarray, "moment"]]
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """A vehicle at the frames of its recording.
-
-    Attributes:
-        track: the vehicle.
-        frames: growing.
-        values: at the frames: `x` of the front centre, `right` [m], and the `extra` ones.
-        lane: the number of the lane at the nearest time; None where the source has none.
-        between: how many frames lay between two times of the source.
-        off: how many times of the source lay on no frame of their own.
-    """
-
-    track: Track
-    frames: Int[np.ndarray, "row"]
-    values: Mapping[str, Float[np.ndarray, "row"]]
-    lane: Int[np.ndarray, "row"] | None
-    between: int
-    off: int
+    values: Mapping[str, Float[np.ndarray, "moment"]]
+    fixed: Mapping[str, float | int | None]
 
 
 class Fault(Exception):
     """What is wrong with a vehicle, in words."""
 
 
-def track_of(value: Any, layout: Layout) -> Track:
+def track_of(value: Any, keys: Keys) -> Track:
     """Returns the vehicle that an element of the array describes.
 
     Raises:
-        Fault: it is not as the layout says.
+        Fault: it is not as the keys say.
     """
     if not isinstance(value, dict):
         raise Fault(f"expected an object with the keys of a vehicle, found {_shown(value)}")
@@ -126,19 +97,33 @@ def track_of(value: Any, layout: Layout) -> Track:
     if (np.diff(time) <= 0).any():
         at = int(np.argmax(np.diff(time) <= 0))
         raise Fault(f"timestamp, entry {at + 2}: expected growing times, found {time[at + 1]:.2f} after {time[at]:.2f}")
-    x, y = (_numbers(value, key, count=len(time)) * layout.unit for key in (layout.x, layout.y))
+    arrays = {name: _numbers(value, key, count=len(time)) for name, key in keys.arrays.items()}
     return Track(
-        id=_id(value, layout.id),
+        id=_id(value, keys.id),
         time=time,
-        x=x,
-        right=y if np.median(y) >= 0 else -y,  # y of the eastbound carriageway may be counted below zero
-        direction=_choice(value, "direction", (WEST, EAST), None if layout.has_direction else WEST),
-        length=_size(value, "length", LONGEST),
-        width=_size(value, "width", WIDEST),
-        kind=KINDS[_choice(value, "coarse_vehicle_class", tuple(KINDS))],
-        lane=np.full(len(time), _choice(value, layout.lane, LANES)) if layout.lane else None,
-        extra={name: _numbers(value, key, count=len(time)) for name, key in layout.extra.items()},
+        values=arrays | {name: arrays[name] * keys.unit for name in ("x", "y")},
+        fixed={
+            "direction": _choice(value, "direction", (WEST, EAST), None if keys.has_direction else WEST),
+            "length": _size(value, "length", LONGEST),
+            "width": _size(value, "width", WIDEST),
+            "class": _choice(value, "coarse_vehicle_class", tuple(KINDS)),
+            "lane": _choice(value, keys.lane, LANES) if keys.lane else None,
+        },
     )
+
+
+def table_of(tracks: Sequence[Track]) -> pl.DataFrame:
+    """Returns vehicles, numbered from 1, as rows with the columns of `ROWS`."""
+    counts = np.array([len(track.time) for track in tracks], int)
+    vehicle = np.repeat(np.arange(len(tracks)), counts)
+    columns: dict[str, Any] = {"number": vehicle + 1}
+    if tracks:
+        columns["time"] = np.concatenate([track.time for track in tracks])
+        columns |= {name: np.concatenate([track.values[name] for track in tracks]) for name in tracks[0].values}
+        for name in tracks[0].fixed:
+            columns[name] = pl.Series([track.fixed[name] for track in tracks], dtype=ROWS[name]).gather(vehicle)
+    absent = {name: pl.Series([None], dtype=kind).new_from_index(0, len(vehicle)) for name, kind in ROWS.items()}
+    return pl.DataFrame(absent | columns).select(pl.col(name).cast(kind) for name, kind in ROWS.items())
 
 
 def clock_of(tracks: Sequence[Track]) -> Clock:
@@ -158,31 +143,9 @@ def clock_of_times(time: Float[np.ndarray, "moment"]) -> Clock:
     return Clock(float(time[0] - round(since / step) * step), step)
 
 
-def sampled(track: Track, clock: Clock) -> Sampled:
-    """Returns the vehicle at the frames of a recording.
-
-    Between two times it is interpolated linearly; in holes of more than 5 time steps there are no frames.
-
-    Raises:
-        Fault: a time is not of this recording.
-    """
-    check_times(track.time[:1], track.time[-1:], clock)
-    place = (track.time - clock.start) / clock.step
-    frames = _known_frames(place)
-    before = np.clip(np.searchsorted(place, frames + ON_FRAME, side="right") - 1, 0, len(place) - 1)
-    after = np.minimum(before + 1, len(place) - 1)
-    between = int((np.abs(place[before] - frames) > ON_FRAME).sum())
-    nearest = np.where(frames - place[before] <= place[after] - frames, before, after)
-    length = TYPICAL_SIZES[track.kind][0] if np.isnan(track.length) else track.length
-    values = {c.X: track.x + track.direction * length, RIGHT: track.right, **track.extra}
-    return Sampled(
-        track=track,
-        frames=frames.astype(np.int32),
-        values={name: np.interp(frames, place, array) for name, array in values.items()},
-        lane=None if track.lane is None else track.lane[nearest],
-        between=between,
-        off=len(place) - (len(frames) - between),
-    )
+def day_of(clock: Clock) -> str:
+    """Returns the day of a recording (UTC)."""
+    return datetime.fromtimestamp(clock.start + clock.step, UTC).date().isoformat()
 
 
 def check_times(first: Float[np.ndarray, "vehicle"], last: Float[np.ndarray, "vehicle"], clock: Clock) -> None:
@@ -195,15 +158,6 @@ def check_times(first: Float[np.ndarray, "vehicle"], last: Float[np.ndarray, "ve
             f"timestamp: expected {MOST_DAYS} days at most from the midnight before the first vehicle's, found "
             f"{first[at]:.2f} to {last[at]:.2f} where that was {clock.start:.2f}"
         )
-
-
-def _known_frames(place: Float[np.ndarray, "moment"]) -> Float[np.ndarray, "row"]:
-    """Returns the frames at which a vehicle is seen, or between two moments that are not too far apart."""
-    is_held = np.append(np.diff(place) <= HOLE, False)
-    first = np.ceil(place - ON_FRAME)
-    last = np.floor(np.where(is_held, np.append(place[1:], place[-1]), place) + ON_FRAME)
-    frames = first[:, None] + np.arange(HOLE + 2)  # not all from the first to the last: a hole may be of days
-    return np.unique(frames[frames <= last[:, None]])
 
 
 def _numbers(value: dict[str, Any], key: str, *, count: int | None = None) -> Float[np.ndarray, "moment"]:
@@ -226,14 +180,12 @@ def _numbers(value: dict[str, Any], key: str, *, count: int | None = None) -> Fl
     return np.array(found, dtype=float)  # whole numbers of many digits
 
 
-def _size(value: dict[str, Any], key: str, most: float) -> float:
-    """Returns a size [m]; NaN where it is null or zero."""
+def _size(value: dict[str, Any], key: str, most: float) -> float | None:
+    """Returns a size [ft]; None where it is null."""
     found = value.get(key)
-    if found is None:
-        return np.nan
-    if not _is_number(found) or not 0 <= found <= most:
+    if found is not None and (not _is_number(found) or not 0 <= found <= most):
         raise Fault(f"{key}: expected 0 to {most:g} ft, found {_shown(found)}")
-    return found * FOOT if found else np.nan
+    return None if found is None else float(found)
 
 
 def _choice(value: dict[str, Any], key: str, known: tuple[int, ...], default: int | None = None) -> int:

@@ -10,13 +10,13 @@ from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import read_batches
-from rampcast.formats.readers.i24.tracks import Layout
+from rampcast.formats.readers.i24.tracks import Keys
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import Recording
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.sites import Site
 
-LAYOUT = Layout("I-24 MOTION v1", "i24", id="_id", x="x_position", y="y_position", unit=FOOT)
+KEYS = Keys("I-24 MOTION v1", "i24", "_id", {"x": "x_position", "y": "y_position"}, unit=FOOT)
 OTHERS = b'"trajectory_id"'  # a key of the derivative that has lanes
 
 
@@ -42,7 +42,7 @@ def read_i24(
     Raises:
         FormatError: a file is missing or not as I-24 MOTION's are.
     """
-    return read_tracks(read_batches([head.path for head in heads], LAYOUT, bad_rows), LAYOUT.source, i24_sites(), site)
+    return read_tracks(read_batches([head.path for head in heads], KEYS, bad_rows), KEYS.source, i24_sites(), site)
 
 
 def convert_i24(
@@ -53,8 +53,8 @@ def convert_i24(
     Args:
         out: the file to write; with both carriageways there are two, OUT-west and OUT-east.
     """
-    batches = read_batches([head.path for head in heads], LAYOUT, bad_rows)
-    return convert_tracks(batches, Path(out), LAYOUT.source, i24_sites(), site)
+    batches = read_batches([head.path for head in heads], KEYS, bad_rows)
+    return convert_tracks(batches, Path(out), KEYS.source, i24_sites(), site)
 
 
 I24 = Format(
