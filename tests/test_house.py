@@ -1,9 +1,14 @@
-"""The house rules that no linter knows: short functions and modules, and no drawer for what has no place."""
+"""The house rules that no linter knows: short functions and modules, no drawer for what has no place, one version."""
 
 import ast
+import re
+import tomllib
 from pathlib import Path
 
-SOURCE = Path(__file__).parents[1] / "src" / "rampcast"
+import rampcast
+
+PROJECT = Path(__file__).parents[1]
+SOURCE = PROJECT / "src" / "rampcast"
 MODULES = sorted(SOURCE.rglob("*.py"))
 LONGEST_FUNCTION, LONGEST_MODULE = 40, 400  # lines, docstrings included
 # Longer today; each may only become shorter.
@@ -40,3 +45,10 @@ def test_modules_are_short() -> None:
 
 def test_no_module_is_a_drawer_for_what_has_no_place() -> None:
     assert not {path.stem for path in MODULES} & {"utils", "util", "helpers", "helper", "misc", "common"}
+
+
+def test_one_version_stands_in_all_files_that_name_it() -> None:
+    version = rampcast.__version__
+    assert tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["version"] == version
+    assert re.search(r"(?m)^version: (.*)$", (PROJECT / "CITATION.cff").read_text())[1] == version
+    assert f"\n## [{version}]\n" in (PROJECT / "CHANGELOG.md").read_text()
