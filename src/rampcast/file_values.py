@@ -6,7 +6,7 @@ A message says where the value stands ("lanes[2].centre", counted from 1), what 
 import difflib
 import re
 from collections.abc import Collection, Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import msgspec
 from msgspec.inspect import DataclassType, LiteralType, TupleType, Type, VarTupleType, type_info
@@ -19,23 +19,21 @@ Positive = Annotated[float, msgspec.Meta(gt=0.0, le=LARGEST)]
 Name = Annotated[str, msgspec.Meta(pattern=r"\S")]
 WORDS = {
     "float": "a number",
-    "int": "a whole number, without quotation marks",
+    "int": "a whole number",
     "str": "text",
-    "bool": "true or false, without quotation marks",
+    "bool": "true or false",
     "array": "a list",
     "object": "a table of keys and values",
-    "null": "nothing",
 }
+UNQUOTED = {"float", "int", "bool"}
 LIMITS = {">": "above", ">=": "of at least", "<": "below", "<=": "of at most"}
 
-Kind = TypeVar("Kind")
 
-
-def converted(kind: type[Kind], values: Mapping[str, Any], *, place: str = "") -> Kind:
-    """Returns the values as a dataclass.
+def converted(kind: Any, values: Any, *, place: str = "") -> Any:
+    """Returns the values as a dataclass, or a single value as what it should be.
 
     Args:
-        kind: the dataclass; its annotations say what is expected.
+        kind: what is expected, as the annotations of the dataclass say.
         values: as they were read.
         place: where in the file they stand; "" for the file itself.
 
@@ -68,6 +66,12 @@ def refuse_unknown_keys(values: Collection[str], known: Collection[str], *, plac
             of = f" of {place}" if place else ""
             hint = close_name(str(key), known) or f"; known are {', '.join(known)}"
             raise ValueError(f"there is no value '{str(key)[:LONGEST]}'{of}{hint}")
+
+
+def not_one_of(known: Collection[Any], value: Any, *, place: str) -> str:
+    """Returns the message of a value that is none of those that are known."""
+    names = [str(one) for one in known]
+    return f"{place}: expected one of {', '.join(names)}, {got(value)}{close_name(str(value), names)}"
 
 
 def got(value: Any) -> str:
@@ -106,14 +110,15 @@ def _told(what: str, place: str, kind: Type, value: Any) -> str:
     if missing := re.match(r"Object missing required field `(\w+)`", what):
         return f"the value '{missing[1]}'{f' of {place}' if place else ''} is missing"
     if isinstance(kind, LiteralType):
-        known = [str(one) for one in kind.values]
-        return f"{place}: expected one of {', '.join(known)}, {got(value)}{close_name(str(value), known)}"
+        return not_one_of(kind.values, value, place=place)
     if isinstance(kind, DataclassType):
         needed = ", ".join(f"{field.name} = ..." for field in kind.fields if field.required)
-        return f"{place}: expected a table {{ {needed} }}, {got(value)}"
-    names, limit = re.match(r"Expected `([^`]*)`( (?:of length )?[<>=]* ?[-+.e\d]+)?", what).groups()  # type: ignore[union-attr]
-    words = " or ".join(WORDS.get(name, name) for name in names.split(" | "))
-    return f"{place}: expected {words}{_limit(limit or '')}, {got(value)}"
+        return f"{place}: expected a table {f'{{ {needed} }}' if needed else 'of keys and values'}, {got(value)}"
+    expected, limit = re.findall(r"Expected `([^`]*)`( (?:of length )?[<>=]* ?[-+.e\d]+)?", what)[0]
+    names = [name for name in expected.split(" | ") if name != "null"]
+    words = " or ".join(WORDS.get(name, name) for name in names)
+    hint = ", without quotation marks" if isinstance(value, str) and UNQUOTED & set(names) else ""
+    return f"{place}: expected {words}{_limit(limit)}{hint}, {got(value)}"
 
 
 def _limit(limit: str) -> str:

@@ -191,7 +191,7 @@ OWN_METADATA = {
     "no version": ('{"site": {}}', "its metadata 'rampcast' is damaged .*file_version"),
     "another version": ('{"file_version": 99}', "written in version 99 .* reads version 1; convert the original again"),
     "no site": ('{"file_version": 1}', "its metadata 'rampcast' is damaged .*site"),
-    "a site without lanes": ('{"file_version": 1, "site": {"name": "a"}}', "the value 'lanes' is missing"),
+    "a site that is not whole": ('{"file_version": 1, "site": {"name": "a"}}', "the value 'title' is missing"),
     "brackets in brackets": ("[" * 5000, "its metadata 'rampcast' is damaged"),
     "no time step": (lambda text: text.replace('"time_step"', '"time"'), "damaged .*time_step"),
     "a time step of zero": (lambda text: text.replace('"time_step": 0.1', '"time_step": 0'), "the time step is 0.0 s"),

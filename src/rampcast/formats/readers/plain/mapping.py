@@ -5,13 +5,15 @@ The values of the file are described in docs/formats/plain.md; `load_mapping` ch
 
 import math
 import tomllib
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
 
 from rampcast.errors import FormatError, SiteError
-from rampcast.file_values import close_name
+from rampcast.file_values import Name, Number, Positive, converted, not_one_of, refuse_unknown_keys
 from rampcast.formats.steps.units import FOOT, KILOMETRE_PER_HOUR, MILE_PER_HOUR
 from rampcast.recording import columns as c
 from rampcast.sites import Site, load_site
@@ -50,20 +52,39 @@ REFERENCES: Mapping[str, tuple[float, float]] = {
     "rear right": (1.0, 0.5),
 }
 LONGEST_MESSAGE = 1000  # letters: what a mapping holds may be of any length
-KEYS = (
-    "name",
-    "title",
-    "site",
-    "simulated",
-    "time_step",
-    "frame_rate",
-    "reference",
-    "plane",
-    "absent",
-    "columns",
-    "vehicles",
-)
-ENTRY_KEYS = ("column", "constant", "unit", "flip", "plus", "values")
+Lane = Annotated[int, msgspec.Meta(ge=0, le=1000)]
+
+
+@dataclass(frozen=True)
+class _File:
+    """The keys of a mapping file, as they stand in it."""
+
+    columns: dict[str, Any] = field(default_factory=dict)
+    vehicles: Annotated[tuple[dict[str, Any], ...], msgspec.Meta(min_length=1)] = ({},)
+    name: str = ""
+    title: str = ""
+    site: str | dict[str, Any] | None = None
+    simulated: bool = False
+    time_step: Positive | None = None
+    frame_rate: Positive | None = None
+    reference: str = "front"
+    plane: bool = False
+    absent: Any = ()
+
+
+@dataclass(frozen=True)
+class _EntryTable:
+    """The keys of an entry that is a table."""
+
+    column: Name = ""
+    constant: Any = None
+    unit: str | Number | None = None
+    flip: bool = False
+    plus: Number = 0.0
+    values: dict[str, str | int] = field(default_factory=dict)
+
+
+KEYS, ENTRY_KEYS = (tuple(one.name for one in fields(kind)) for kind in (_File, _EntryTable))
 
 
 @dataclass(frozen=True)
@@ -144,43 +165,34 @@ def load_mapping(path: Path) -> TableMapping:
 
 
 def _mapping(path: Path, values: dict[str, Any]) -> TableMapping:
-    _check_keys("", values, KEYS)
-    shared = _entries("columns", _table("columns", values.get("columns", {})))
-    blocks = values.get("vehicles", [{}])
-    if not isinstance(blocks, list) or not blocks:
-        raise ValueError("vehicles: expected one [[vehicles]] table or more, one for each vehicle of a row")
+    file: _File = converted(_File, values)
+    shared = _entries("columns", file.columns)
     vehicles = tuple(
-        shared | _entries(f"vehicles[{number}]", _table("vehicles", block))
-        for number, block in enumerate(blocks, start=1)
+        shared | _entries(f"vehicles[{number}]", block) for number, block in enumerate(file.vehicles, start=1)
     )
     for entries in vehicles:
-        _check_entries(entries, values)
-    reference = values.get("reference", "front")
-    if reference not in REFERENCES:
-        raise ValueError(f"reference: expected one of {', '.join(REFERENCES)}, found {reference!r}")
-    absent = values.get("absent", [])
+        _check_entries(entries, file)
+    if file.reference not in REFERENCES:
+        raise ValueError(not_one_of(REFERENCES, file.reference, place="reference"))
+    if file.time_step and file.frame_rate:
+        raise ValueError("time_step and frame_rate say the same; leave one out")
+    absent = file.absent if isinstance(file.absent, list | tuple) else [file.absent]
+    name = file.name or path.stem
     return TableMapping(
         path=str(path),
         vehicles=vehicles,
-        name=_text("name", values, path.stem),
-        title=_text("title", values, _text("name", values, path.stem)),
-        site=_site(path, values.get("site")),
-        simulated=_flag("simulated", values),
-        time_step=_time_step(values),
-        reference=reference,
-        plane=_flag("plane", values),
-        absent=tuple(str(one) for one in (absent if isinstance(absent, list) else [absent])),
+        name=name,
+        title=file.title or name,
+        site=_site(path, file.site),
+        simulated=file.simulated,
+        time_step=1 / file.frame_rate if file.frame_rate else file.time_step,
+        reference=file.reference,
+        plane=file.plane,
+        absent=tuple(map(str, absent)),
     )
 
 
-def _check_keys(place: str, values: Mapping[str, Any], known: Collection[str]) -> None:
-    for key in values:
-        if key not in known:
-            where = f"{place}: " if place else ""
-            raise ValueError(f"{where}there is no key '{key}'{close_name(key, known)} Known keys: {', '.join(known)}")
-
-
-def _check_entries(entries: Mapping[str, Entry], values: Mapping[str, Any]) -> None:
+def _check_entries(entries: Mapping[str, Entry], file: _File) -> None:
     advice = "name its column under [columns], or under every [[vehicles]]"
     for name in ("vehicle", "x"):
         if name not in entries:
@@ -189,7 +201,7 @@ def _check_entries(entries: Mapping[str, Entry], values: Mapping[str, Any]) -> N
         raise ValueError(f"'frame' or 'time' is missing; {advice}")
     if not {"y", "lane"} & set(entries):
         raise ValueError(f"'y' or 'lane' is missing; {advice}, or give a constant lane (lane = 1)")
-    if "time" not in entries and not {"time_step", "frame_rate"} & set(values):
+    if "time" not in entries and not (file.time_step or file.frame_rate):
         raise ValueError("'time_step' is missing: without a column of times, say how long a frame is (time_step = 0.1)")
     for name in ("x", "frame", "time"):
         if name in entries and not entries[name].column:
@@ -197,122 +209,57 @@ def _check_entries(entries: Mapping[str, Entry], values: Mapping[str, Any]) -> N
 
 
 def _entries(place: str, values: Mapping[str, Any]) -> dict[str, Entry]:
-    _check_keys(place, values, UNITS)
+    refuse_unknown_keys(values, UNITS, place=place)
     return {name: _entry(f"{place}.{name}", name, value) for name, value in values.items()}
 
 
 def _entry(place: str, name: str, value: Any) -> Entry:
-    if value == "" or (isinstance(value, dict) and value.get("column") == ""):
-        raise ValueError(f"{place}: expected the name of a column, found ''")
     if isinstance(value, str):
-        return Entry(column=value)
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return Entry(constant=_constant(place, name, value))
-    values = _table(place, value)
-    _check_keys(place, values, ENTRY_KEYS)
-    if ("column" in values) == ("constant" in values):
-        raise ValueError(f"{place}: expected a column or a constant, found {'both' if 'column' in values else 'none'}")
-    if "constant" in values:
-        if len(values) > 1:
+        value = {"column": value}
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        value = {"constant": value}
+    table: _EntryTable = converted(_EntryTable, value, place=place)
+    if ("column" in value) == ("constant" in value):
+        raise ValueError(f"{place}: expected a column or a constant, got {'both' if 'column' in value else 'none'}")
+    if "constant" in value:
+        if len(value) > 1:
             raise ValueError(f"{place}: a constant is in SI units and has no other keys")
-        return Entry(constant=_constant(place, name, values["constant"]))
-    is_turned = _flag("flip", values, place)
-    factor = _factor(place, name, values.get("unit"))
-    plus = _number(f"{place}.plus", values.get("plus", 0.0))
-    if name not in LISTED and "values" in values:
+        return Entry(constant=_constant(place, name, table.constant))
+    if name not in LISTED and table.values:
         raise ValueError(f"{place}.values: only lanes and kinds can be listed")
-    if not UNITS[name] and name != "frame" and (is_turned or plus):
+    if not UNITS[name] and name != "frame" and (table.flip or table.plus):
         raise ValueError(f"{place}: flip and plus are for numbers")
-    listed = _listed(place, name, _table(f"{place}.values", values.get("values", {})))
-    return Entry(_text("column", values, "", place), None, -factor if is_turned else factor, plus, listed)
+    factor = _factor(f"{place}.unit", name, table.unit)
+    listed = {key: str(_constant(f"{place}.values.{key}", name, one)) for key, one in table.values.items()}
+    return Entry(table.column, None, -factor if table.flip else factor, table.plus, listed)
 
 
 def _constant(place: str, name: str, value: Any) -> float | int | str:
-    if name == "kind":
-        if value not in c.KINDS:
-            raise ValueError(f"{place}: expected one of {', '.join(c.KINDS)}, found {value!r}")
+    if name == "kind" and value not in c.KINDS:
+        raise ValueError(not_one_of(c.KINDS, value, place=place))
+    if name in TEXTS:
         return str(value)
-    if name in ("recording", "vehicle"):
-        return str(value)
-    if name == "lane":
-        return _whole(place, value)
-    return _number(place, value)
+    return converted(Lane if name == "lane" else Number, value, place=place)
 
 
-def _factor(place: str, name: str, unit: Any) -> float:
+def _factor(place: str, name: str, unit: str | float | None) -> float:
     if unit is None:
         return 1.0
-    if isinstance(unit, int | float) and not isinstance(unit, bool) and UNITS[name]:
-        return _number(f"{place}.unit", unit)
     if not UNITS[name]:
-        raise ValueError(f"{place}.unit: {name} has no unit")
-    if unit not in UNITS[name]:
-        raise ValueError(f"{place}.unit: expected one of {', '.join(UNITS[name])}, or a number, found {unit!r}")
-    return UNITS[name][unit]
+        raise ValueError(f"{place}: {name} has no unit")
+    if isinstance(unit, str):
+        if unit not in UNITS[name]:
+            raise ValueError(f"{not_one_of(UNITS[name], unit, place=place)}; a number is a unit of its own")
+        return UNITS[name][unit]
+    return float(unit)
 
 
-def _listed(place: str, name: str, values: Mapping[str, Any]) -> dict[str, str]:
-    if name == "kind":
-        for key, value in values.items():
-            if value not in c.KINDS:
-                raise ValueError(f"{place}.values.{key}: expected one of {', '.join(c.KINDS)}, found {value!r}")
-        return {key: str(value) for key, value in values.items()}
-    return {key: str(_whole(f"{place}.values.{key}", value)) for key, value in values.items()}
-
-
-def _time_step(values: Mapping[str, Any]) -> float | None:
-    if "time_step" in values and "frame_rate" in values:
-        raise ValueError("time_step and frame_rate say the same; leave one out")
-    if "frame_rate" in values:
-        return 1 / _positive("frame_rate", values["frame_rate"])
-    return _positive("time_step", values["time_step"]) if "time_step" in values else None
-
-
-def _site(path: Path, value: Any) -> Site | None:
+def _site(path: Path, value: str | dict[str, Any] | None) -> Site | None:
     if value is None:
         return None
     try:
         if isinstance(value, str):
             return load_site(path.parent / value if value.endswith(".toml") else value)
-        return site_from_dict(_table("site", value))
+        return site_from_dict(value)
     except SiteError as error:
         raise SiteError(f"{path}, site: {error}. See docs/sites.md") from error
-
-
-def _table(place: str, value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{place}: expected a table of keys and values, found {value!r}")
-    return value
-
-
-def _text(key: str, values: Mapping[str, Any], default: str, place: str = "") -> str:
-    value = values.get(key, default)
-    if not isinstance(value, str):
-        raise ValueError(f"{place}{'.' if place else ''}{key}: expected text, found {value!r}")
-    return value
-
-
-def _flag(key: str, values: Mapping[str, Any], place: str = "") -> bool:
-    value = values.get(key, False)
-    if not isinstance(value, bool):
-        raise ValueError(f"{place}{'.' if place else ''}{key}: expected true or false, found {value!r}")
-    return value
-
-
-def _number(place: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{place}: expected a number, found {value!r}")
-    return float(value)
-
-
-def _whole(place: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 1000:
-        raise ValueError(f"{place}: expected a lane, a whole number from 0 to 1000, found {value!r}")
-    return value
-
-
-def _positive(place: str, value: Any) -> float:
-    number = _number(place, value)
-    if number <= 0:
-        raise ValueError(f"{place}: expected a number above 0, found {value!r}")
-    return number
