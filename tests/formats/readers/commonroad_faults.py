@@ -70,7 +70,7 @@ BAD_ROWS = [
     ("no y", changed("<x>21.0</x><y>-2.0</y>", "<x>21.0</x>"), at(5, "y: .* the cell is empty"), 1),
     ("not a number", changed("<x>21.0</x>", "<x>nan</x>"), at(5, "x: expected a finite number"), 1),
     ("infinite", changed("<x>21.0</x>", "<x>-inf</x>"), at(5, "x: expected a finite number"), 1),
-    ("beyond the world", changed("<x>21.0</x>", "<x>1e9</x>"), at(5, r"x: expected -20,000,000 to 20,000,000"), 1),
+    ("beyond the world", changed("<x>21.0</x>", "<x>1e9</x>"), at(5, r"x: expected -10,000,000 to 10,000,000"), 1),
     ("no position", changed("<point><x>21.0</x><y>-2.0</y></point>", ""), at(5, "position: expected a point"), 1),
     ("an area", changed("<point><x>21.0</x><y>-2.0</y></point>", AREA), at(5, "position: .* in an area"), 1),
     ("an interval of time", changed("<exact>2</exact>", INTERVAL), at(5, "time: expected an exact value"), 1),

@@ -49,7 +49,7 @@ BAD_ROWS = [
     ("an empty position", "f.xml", xml('y="23.20"', 'y=""'), r"line 9: vehicle 'b': y: .* the cell is empty"),
     ("no position", "f.xml", xml(' x="12.00"', ""), r"line 9: vehicle 'b': no attribute 'x'"),
     ("not a number", "f.xml", xml('x="12.00"', 'x="nan"'), r"line 9: vehicle 'b': x: expected a finite number"),
-    ("no place", "f.xml", xml('x="12.00"', 'x="-1073741824.00"'), r"line 9.*x: expected -20,000,000 to 20,000,000"),
+    ("no place", "f.xml", xml('x="12.00"', 'x="-1073741824.00"'), r"line 9.*x: expected -10,000,000 to 10,000,000"),
     ("a speed no car has", "f.xml", xml('speed="10.00"', 'speed="999"'), r"line 5: .*speed: expected -150 to 150"),
     ("an empty speed", "f.xml", xml('speed="10.00"', 'speed=""'), r"line 5: .*speed: .* the cell is empty"),
     ("no id", "f.xml", xml(' id="b"', ""), r"line 9: vehicle '': no attribute 'id'"),

@@ -12,6 +12,7 @@ import polars as pl
 
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
 from rampcast.formats.tables.columns import Column
@@ -24,18 +25,18 @@ from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
 FRAME_RATE = 30.0  # [Hz] of every video
-FAR = 50_000.0  # [ft] no image shows more
+FARTHEST = 50_000.0  # [ft] no image shows more
 FASTEST = 350.0  # [mph]
 VIDEO = re.compile(r"(?P<place>.+?)[-_](?P<number>\d+)$")  # FreewayC-01
 CORNERS = (1, 2, 3)  # of the box, in order around it: two of its sides
 
 COLUMNS = (
-    Column("frame", ("frameNum",), pl.Int32(), 0, c.LARGEST),
-    Column("id", ("carId",), pl.Int32(), 0, c.LARGEST),
-    Column("x", ("headXft",), low=-FAR, high=FAR),
-    Column("y", ("headYft",), low=-FAR, high=FAR),
+    believed.number("frame", "frameNum"),
+    believed.number("id", "carId"),
+    believed.place("x", "headXft", farthest=FARTHEST),
+    believed.place("y", "headYft", farthest=FARTHEST),
     *(
-        Column(f"{axis}{corner}", (f"boundingBox{corner}{axis.upper()}ft",), pl.Float32(), -FAR, FAR)
+        Column(f"{axis}{corner}", (f"boundingBox{corner}{axis.upper()}ft",), pl.Float32(), -FARTHEST, FARTHEST)
         for corner in CORNERS
         for axis in ("x", "y")
     ),

@@ -15,6 +15,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
@@ -28,24 +29,23 @@ from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
-FAR = 1e7  # [m] positions may be in UTM, whose northings reach this
 TURN = 6.2832  # [rad] a little above two pi
 SCENARIO = re.compile(r"(DR|TC)_[A-Z]{3}_[A-Za-z]+_[A-Z]{2}")  # from a drone or a traffic camera; country, kind, place
 NUMBER = re.compile(r"\d+$")  # of vehicle_tracks_000
 NOT_VEHICLES = ("pedestrian", "bicycle", "pedestrian/bicycle", "person", "cyclist")
 
 COLUMNS = (
-    Column("id", ("track_id",), pl.Int32(), 0, c.LARGEST),
+    believed.number("id", "track_id"),
     Column("time", ("timestamp_ms",), pl.Int64(), 0, 1e13),  # or since 1970
     Column("type", ("agent_type",), pl.Categorical()),
-    Column("x", ("x",), low=-FAR, high=FAR),
-    Column("y", ("y",), low=-FAR, high=FAR),
-    Column("vx", ("vx",), pl.Float32(), -150, 150),
-    Column("vy", ("vy",), pl.Float32(), -150, 150),
+    believed.place("x", "x", farthest=believed.FARTHEST_UTM),
+    believed.place("y", "y", farthest=believed.FARTHEST_UTM),
+    believed.speed("vx", "vx"),
+    believed.speed("vy", "vy"),
     Column("psi", ("psi_rad",), pl.Float32(), -TURN, TURN, may_be_blank=True),  # of pedestrians
-    Column(c.LENGTH, ("length",), pl.Float32(), 0, 100, may_be_blank=True),  # likewise
-    Column(c.WIDTH, ("width",), pl.Float32(), 0, 20, may_be_blank=True),  # likewise
-    Column("case", ("case_id",), pl.Int32(), 0, c.LARGEST, optional=True),
+    believed.length("length", may_be_blank=True),  # likewise
+    believed.width("width", may_be_blank=True),  # likewise
+    believed.number("case", "case_id", optional=True),
 )
 
 

@@ -16,6 +16,7 @@ from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, plain
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
 from rampcast.formats.format import Format, Recordings, table_of
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.motion import with_fronts
 from rampcast.formats.steps.places import different_names, one_place
@@ -40,7 +41,7 @@ KINDS = {
     "Motorcycle": "motorcycle",
 }
 VEHICLE = (
-    Column("id", ("track_id",), pl.Int32(), 0, c.LARGEST),
+    believed.number("id", "track_id"),
     Column("type", ("type",), pl.String()),
     Column("way", ("traveled_d",)),
     Column("mean speed", ("avg_speed",)),
@@ -48,7 +49,7 @@ VEHICLE = (
 MOMENT = (
     Column("latitude", ("lat",), low=-84, high=84),
     Column("longitude", ("lon",), low=-180, high=180),
-    Column("speed", ("speed",), low=-540, high=540),  # [km/h]
+    Column("speed", ("speed",), low=-540, high=540),  # [km/h], as fast as `believed`
     Column("acceleration", ("lon_acc",), low=-1000, high=1000),
     Column("lateral acceleration", ("lat_acc",), low=-1000, high=1000),
     Column("time", ("time",), low=0, high=LATEST),

@@ -10,6 +10,7 @@ import polars as pl
 
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, table_of
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import numbered
 from rampcast.formats.steps.motion import with_fronts
 from rampcast.formats.steps.vehicles import with_sizes
@@ -24,7 +25,7 @@ from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
 TIME_STEP = 0.1  # [s]
-FAR = 100_000.0  # [m] no image reaches as far
+FARTHEST = 100_000.0  # [m] no image reaches as far
 KINDS = {  # type-most-common without the ending "-vehicle"; codes are those of I-395. Any other is a car
     "2": "truck",
     "3": "truck",
@@ -35,15 +36,15 @@ KINDS = {  # type-most-common without the ending "-vehicle"; codes are those of 
 }
 
 COLUMNS = (
-    Column("id", ("ID",), pl.Int32(), 0, c.LARGEST),
+    believed.number("id", "ID"),
     Column("time", ("time",), low=0, high=c.LARGEST * TIME_STEP),
-    Column("px", ("xloc-kf",), low=-FAR, high=FAR),
-    Column("py", ("yloc-kf",), low=-FAR, high=FAR),
+    believed.place("px", "xloc-kf", farthest=FARTHEST),
+    believed.place("py", "yloc-kf", farthest=FARTHEST),
     Column("lane", ("lane-kf",), pl.Int16(), -1000, 1000, may_be_blank=True),
-    Column("v", ("speed-kf",), pl.Float32(), -150, 150, may_be_blank=True),
-    Column("a", ("acceleration-kf",), pl.Float32(), -1000, 1000, optional=True, may_be_blank=True),
-    Column("length", ("length-smoothed",), pl.Float32(), 0, 100, may_be_blank=True),
-    Column("width", ("width-smoothed",), pl.Float32(), 0, 20, optional=True, may_be_blank=True),
+    believed.speed("v", "speed-kf", may_be_blank=True),
+    believed.acceleration("a", "acceleration-kf", optional=True, may_be_blank=True),
+    believed.length("length-smoothed", may_be_blank=True),
+    believed.width("width-smoothed", optional=True, may_be_blank=True),
     Column("type", ("type-most-common",), pl.Categorical(), may_be_blank=True),
     Column("run", ("run-index",), pl.Categorical(), optional=True),
 )

@@ -13,6 +13,7 @@ from lxml import etree
 from rampcast.errors import FormatError
 from rampcast.formats.files.sources import open_source, read_start
 from rampcast.formats.files.xml_text import expect_root, first_error
+from rampcast.formats.steps.believed import FARTHEST_UTM
 from rampcast.formats.steps.lanelets import Lanelet
 from rampcast.formats.tables.columns import SHOWN, Column, advice, read_cell
 from rampcast.recording import columns as c
@@ -21,8 +22,7 @@ from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 ROOT = "commonRoad"
 BLOCK = 64 << 10  # [bytes] parsed at a time; elements of a block are in memory until they are read
 LARGEST = 4 << 20  # [bytes] of one obstacle or lanelet: 10,000 states, a quarter of an hour at 10 Hz
-FAR = 2e7  # [m] more than any UTM northing
-NUMBER = Column("number", (), low=-FAR, high=FAR)
+NUMBER = Column("number", (), low=-FARTHEST_UTM, high=FARTHEST_UTM)
 SIZE = Column("size", (), low=1e-3, high=100)  # [m]
 STEP = Column("step", (), low=1e-3, high=10)  # [s]
 TIME = Column("time", (), low=0, high=c.LARGEST)

@@ -22,6 +22,7 @@ from rampcast.formats.readers.levelx.levelx import (
     speed_limit,
     tracks_among,
 )
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.vehicles import front_centre, with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
@@ -31,35 +32,33 @@ from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
-FAR = 10_000.0  # [m] no recorded section is longer
-FARTHEST_UTM = 1e7  # [m] from the equator to a pole
 SEPARATOR = ";"  # between lanelets that overlap where the vehicle is
 
 FILES = ThreeFiles(
     name="exiD",
     tracks=(
-        Column("id", ("trackId",), pl.Int32(), 0, c.LARGEST),
-        Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
-        Column("x", ("xCenter",), low=-FAR, high=FAR),
-        Column("y", ("yCenter",), low=-FAR, high=FAR),
+        believed.number("id", "trackId"),
+        believed.number("frame", "frame"),
+        believed.place("x", "xCenter", farthest=believed.FARTHEST_IN_IMAGE),
+        believed.place("y", "yCenter", farthest=believed.FARTHEST_IN_IMAGE),
         Column("heading", ("heading",), pl.Float32(), -360, 360),
-        Column(c.WIDTH, ("width",), pl.Float32(), 0, 20),
-        Column(c.LENGTH, ("length",), pl.Float32(), 0, 100),
-        Column("v", ("lonVelocity",), pl.Float32(), -150, 150),
-        Column("a", ("lonAcceleration",), pl.Float32(), -1000, 1000),
+        believed.width("width"),
+        believed.length("length"),
+        believed.speed("v", "lonVelocity"),
+        believed.acceleration("a", "lonAcceleration"),
         Column("lane", ("laneletId",), pl.Categorical(), may_be_blank=True),
     ),
     vehicles=(
-        Column("id", ("trackId",), pl.Int32(), 0, c.LARGEST),
+        believed.number("id", "trackId"),
         Column("class", ("class",), pl.String()),
     ),
     recording=(
-        Column("id", ("recordingId",), pl.Int32(), 0, c.LARGEST),
+        believed.number("id", "recordingId"),
         Column("rate", ("frameRate",), low=1, high=1000),
-        Column("location", ("locationId",), pl.Int32(), 0, c.LARGEST),
+        believed.number("location", "locationId"),
         Column("limit", ("speedLimit",), low=-1, high=100, optional=True, may_be_blank=True),
-        Column("east", ("xUtmOrigin",), low=-FARTHEST_UTM, high=FARTHEST_UTM),
-        Column("north", ("yUtmOrigin",), low=-FARTHEST_UTM, high=FARTHEST_UTM),
+        believed.place("east", "xUtmOrigin", farthest=believed.FARTHEST_UTM),
+        believed.place("north", "yUtmOrigin", farthest=believed.FARTHEST_UTM),
     ),
 )
 

@@ -27,6 +27,7 @@ from rampcast.formats.readers.levelx.levelx import (
     speed_limit,
     tracks_among,
 )
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
@@ -36,7 +37,7 @@ from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
 
-FAR = 10_000.0  # [m] no recorded section is longer
+FARTHEST = believed.FARTHEST_IN_IMAGE
 ROADS = {1: "upper", 2: "lower"}  # drivingDirection: 1 drives to the left in the image, on its upper half
 MARKINGS = {"upper": "upperLaneMarkings", "lower": "lowerLaneMarkings"}
 LONGEST = 200  # letters of a list of markings that a message shows
@@ -45,27 +46,27 @@ NARROWEST, WIDEST = 2.0, 8.0  # [m] lanes that are believed; German motorways ha
 FILES = ThreeFiles(
     name="highD",
     tracks=(
-        Column("frame", ("frame",), pl.Int32(), 0, c.LARGEST),
-        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
-        Column("x", ("x",), low=-FAR, high=FAR),
-        Column("y", ("y",), low=-FAR, high=FAR),
-        Column(c.LENGTH, ("width",), pl.Float32(), 0, 100),
-        Column(c.WIDTH, ("height",), pl.Float32(), 0, 20),
-        Column("v", ("xVelocity",), pl.Float32(), -150, 150),
-        Column("a", ("xAcceleration",), pl.Float32(), -1000, 1000),
+        believed.number("frame", "frame"),
+        believed.number("id", "id"),
+        believed.place("x", "x", farthest=FARTHEST),
+        believed.place("y", "y", farthest=FARTHEST),
+        believed.length("width"),
+        believed.width("height"),
+        believed.speed("v", "xVelocity"),
+        believed.acceleration("a", "xAcceleration"),
         Column("lane", ("laneId",), pl.Int16(), 0, 100),
-        Column("ahead", ("frontSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
-        Column("behind", ("backSightDistance",), low=-FAR, high=FAR, optional=True, may_be_blank=True),
+        believed.place("ahead", "frontSightDistance", farthest=FARTHEST, optional=True, may_be_blank=True),
+        believed.place("behind", "backSightDistance", farthest=FARTHEST, optional=True, may_be_blank=True),
     ),
     vehicles=(
-        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        believed.number("id", "id"),
         Column("class", ("class",), pl.String()),
         Column("direction", ("drivingDirection",), pl.Int8(), 1, 2),
     ),
     recording=(
-        Column("id", ("id",), pl.Int32(), 0, c.LARGEST),
+        believed.number("id", "id"),
         Column("rate", ("frameRate",), low=1, high=1000),
-        Column("location", ("locationId",), pl.Int32(), 0, c.LARGEST),
+        believed.number("location", "locationId"),
         Column("limit", ("speedLimit",), low=-1, high=100),
         *(Column(name, (spelling,), pl.String()) for name, spelling in MARKINGS.items()),
     ),

@@ -17,6 +17,7 @@ from rampcast.formats.files.head import Head, plain
 from rampcast.formats.format import Format, Needs
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
+from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
 from rampcast.formats.steps.motion import directions
 from rampcast.formats.steps.places import different_names
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
@@ -43,14 +44,14 @@ TYPES: dict[str, tuple[Any, float, float]] = {
     "kind": (pl.Categorical(), 0, 0),
     "frame": (pl.Int64(), -(2.0**31), 2.0**31 - 1),
     "time": (pl.Float64(), -1e10, 1e10),  # seconds since 1970 are 2e9 in the year 2033
-    "x": (pl.Float64(), -1e7, 1e7),  # metres of a map projection
-    "y": (pl.Float64(), -1e7, 1e7),
+    "x": (pl.Float64(), -FARTHEST_UTM, FARTHEST_UTM),
+    "y": (pl.Float64(), -FARTHEST_UTM, FARTHEST_UTM),
     "heading": (pl.Float32(), -100, 100),
     "lane": (pl.Int16(), 0, 1000),
-    "length": (pl.Float32(), 0, 100),
-    "width": (pl.Float32(), 0, 20),
-    "speed": (pl.Float32(), -150, 150),
-    "acceleration": (pl.Float32(), -1000, 1000),
+    "length": (pl.Float32(), 0, LONGEST),
+    "width": (pl.Float32(), 0, WIDEST),
+    "speed": (pl.Float32(), -FASTEST, FASTEST),
+    "acceleration": (pl.Float32(), -HARDEST, HARDEST),
 }
 
 

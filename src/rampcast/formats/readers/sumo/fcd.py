@@ -18,6 +18,7 @@ from rampcast.formats.files.xml_text import find_root
 from rampcast.formats.format import Format, table_of
 from rampcast.formats.readers.sumo.xml_careful import ROOT
 from rampcast.formats.readers.sumo.xml_fast import read_fcd_xml
+from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, seconds, whole_frames
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
 from rampcast.formats.tables.columns import SHOWN, Column, Rows, missing_column
@@ -29,7 +30,6 @@ from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
-FAR = 2e7  # [m] more than any UTM northing; SUMO writes -1073741824 where a vehicle has no position
 LATEST = 1e8  # [s] three years
 TAGS = ("vehicle", "person", "container")  # csv and parquet name all columns for the element that came first
 TIMES = ("timestep_time", "time")
@@ -69,14 +69,15 @@ def _named(name: str) -> tuple[str, ...]:
     return (name, *(f"{prefix}{tag}_{name}" for prefix in ("", "timestep_") for tag in TAGS))
 
 
+# SUMO writes -1073741824 where a vehicle has no position, which is beyond all maps.
 ATTRIBUTES = (
     Column("id", _named("id"), pl.Categorical(), is_key=True),
-    Column("x", _named("x"), low=-FAR, high=FAR),
-    Column("y", _named("y"), low=-FAR, high=FAR),
+    believed.place("x", *_named("x"), farthest=believed.FARTHEST_UTM),
+    believed.place("y", *_named("y"), farthest=believed.FARTHEST_UTM),
     Column("type", _named("type"), pl.Categorical(), optional=True, may_be_blank=True),
     Column("lane", _named("lane"), pl.Categorical(), optional=True, may_be_blank=True),
-    Column("speed", _named("speed"), pl.Float32(), -150, 150, optional=True),
-    Column("acceleration", _named("acceleration"), pl.Float32(), -1000, 1000, optional=True),
+    believed.speed("speed", *_named("speed"), optional=True),
+    believed.acceleration("acceleration", *_named("acceleration"), optional=True),
 )
 EDGE = Column("edge", _named("edge"), pl.Categorical(), optional=True, may_be_blank=True)  # filled for persons only
 
