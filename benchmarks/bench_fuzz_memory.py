@@ -25,7 +25,7 @@ import numpy as np
 import polars as pl
 
 PROJECT = Path(__file__).parents[1]
-sys.path.insert(0, str(PROJECT))
+sys.path[:0] = [str(PROJECT), str(Path(__file__).parent)]
 
 from tests.formats.samples import SITE, samples  # noqa: E402
 from tests.formats.writers import WRITERS  # noqa: E402

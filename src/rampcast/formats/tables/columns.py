@@ -141,7 +141,7 @@ class Layout:
     header: Header
     wanted: tuple[tuple[int, Column], ...]
 
-    @property
+    @cached_property
     def separator(self) -> bytes:
         """Returns what stands between two columns."""
         return self.header.separator.encode()

@@ -45,8 +45,8 @@ def parse_carefully(chunk: bytes, layout: Layout, first_line: int, styles: Mappi
     """
     lines = chunk.removeprefix(BYTE_ORDER_MARK).split(b"\n")
     lines = [b" ".join(line.split()) for line in lines] if layout.separator == b" " else lines
-    unquoted = _without_quotes(lines, layout.separator)
-    counts = np.fromiter((line.count(layout.separator) for line in unquoted), np.int64, len(lines))
+    unquoted, separator = _without_quotes(lines, layout.separator) if b'"' in chunk else lines, layout.separator
+    counts = np.fromiter((line.count(separator) for line in unquoted), np.int64, len(lines))
     is_plain = (counts == len(layout.header.names) - 1) & ~np.array([b'"' in line for line in unquoted])
     places = np.flatnonzero(is_plain)
     cells = _cells([unquoted[place] for place in places], layout)
@@ -54,8 +54,9 @@ def parse_carefully(chunk: bytes, layout: Layout, first_line: int, styles: Mappi
     judged = _judged(cells, layout, styles)
     is_other, others = other_rows(cells, layout)
     is_good = judged[GOOD] & ~is_other
-    odd = np.setdiff1d(np.arange(len(lines)), places[is_good | is_other])
-    read = _one_by_one(lines, odd, layout, first_line, styles)
+    is_odd = np.ones(len(lines), bool)
+    is_odd[places[is_good | is_other]] = False
+    read = _one_by_one(lines, np.flatnonzero(is_odd), layout, first_line, styles)
     table = judged.filter(is_good).drop(GOOD)
     if read.places:
         both = pl.concat([table, pl.DataFrame(read.values, schema=layout.schema)])
