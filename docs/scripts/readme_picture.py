@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from rampcast.paper.result import Forecast
 
 from rampcast.formats import read_any
 from rampcast.paper.examples import scene_tracks
-from rampcast.paper.result import Forecast
 from rampcast.paper.scenes import Scenes, build_scenes
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.paper.storage import load

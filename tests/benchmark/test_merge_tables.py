@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.benchmark import MERGE_MODELS, MergeForecasts, Training, run_benchmark
+from rampcast.benchmark import MergeForecasts, Training, run_benchmark
 from rampcast.benchmark.merge_tables import (
     SECOND_COLUMNS,
     TIME_COLUMNS,
@@ -16,12 +16,12 @@ from rampcast.benchmark.merge_tables import (
     thresholds,
 )
 from rampcast.benchmark.merges import TIME
-from rampcast.benchmark.models import MODELS
 from rampcast.cli import show as terminal
+from rampcast.forecasters import merges, places
 from rampcast.paper.lane_change import forests
 from tests.benchmark import made_up_merges
 
-CHEAP = {name: MERGE_MODELS[name] for name in ("base_rate", "kaplan_meier")}
+CHEAP = {name: merges()[name] for name in ("base_rate", "kaplan_meier")}
 
 
 def knowing(cases, *, late: float = 0.0) -> MergeForecasts:
@@ -113,8 +113,8 @@ def test_a_run_with_merges_has_their_tables(tmp_path, monkeypatch, capsys):
         made_up_merges.cases(folder, made_up_merges.merges(9, seed=seed))
     found = run_benchmark(
         *sides,
-        models={name: MODELS[name] for name in ("constant_velocity", "chain_1")},
-        merge_models=CHEAP | {"forests": MERGE_MODELS["forests"]},
+        models={name: places()[name] for name in ("constant_velocity", "chain_1")},
+        merge_models=CHEAP | {"forests": merges()["forests"]},
     )
     assert found.merge_scores["model"].unique(maintain_order=True).to_list() == [*CHEAP, "forests"]
     about = found.record["data_sets"]["us101_ramp_merges"]

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.benchmark import MERGE_MODELS, Training, models
+from rampcast.benchmark import Training, models
 from rampcast.benchmark.merges import TIME, joined_forecasts, median_time
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecasters import merges
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.lane_change import forests
 from tests.benchmark import made_up_merges
@@ -30,7 +31,7 @@ def predictors(sides):
         patch.setattr(models, "FORECASTER", FEW)
         patch.setattr(forests, "SPECS", {mode: replace(spec, n_trees=10) for mode, spec in forests.SPECS.items()})
         training = Training(sides[0])
-        return {name: fit(training) for name, fit in MERGE_MODELS.items()}
+        return {name: fit(training) for name, fit in merges().items()}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def forecasts(predictors, sides):
 
 
 def test_probabilities_never_fall_and_are_probabilities(forecasts, sides):
-    assert list(forecasts) == list(MERGE_MODELS)
+    assert list(forecasts) == list(merges())
     for name, forecast in forecasts.items():
         assert forecast.p_within.shape == forecast.p_at.shape == (len(sides[1]), len(TIME))
         assert (np.diff(forecast.p_within, axis=1) >= -1e-12).all(), name

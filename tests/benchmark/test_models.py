@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.benchmark import MODELS, Forecasts, Training, models
+from rampcast.benchmark import Forecasts, Training, models
 from rampcast.benchmark.models import ORACLE, TIME, constant_velocity, oracle, relax_to_leader, with_bands
 from rampcast.benchmark.run import forecast_cases
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecasters import places
 from rampcast.models.correction import CorrectionSpec
 from rampcast.models.pooled_driver import START, fit_pooled_driver, follow_true_leader, roll_chain
 from rampcast.paper.algorithm_1 import follow
@@ -40,17 +41,17 @@ def sides(cases):
 
 @pytest.fixture(scope="module")
 def forecasts(sides, quick_lstm):
-    return forecast_cases(Training(sides[0]), sides[1])
+    return forecast_cases(Training(sides[0]), sides[1], models=places())
 
 
 @pytest.fixture(scope="module")
 def predictors(sides, quick_lstm):
     training = Training(sides[0])
-    return {name: fit(training) for name, fit in MODELS.items()}
+    return {name: fit(training) for name, fit in places().items()}
 
 
 def test_every_model_forecasts_every_case_at_every_step(forecasts, sides):
-    assert list(forecasts) == [*MODELS, ORACLE]
+    assert list(forecasts) == [*places(), ORACLE]
     for name, forecast in forecasts.items():
         assert forecast.x.shape == sides[1].truth.shape
         assert np.isfinite(forecast.x).all(), name
@@ -66,8 +67,8 @@ def test_changing_the_truth_changes_the_oracle_and_nothing_else(forecasts, sides
         truth=rng.normal(100.0, 30.0, test.truth.shape),
         leader_truth=test.leader_truth + np.linspace(0.0, 40.0, test.truth.shape[1]),
     )
-    again = forecast_cases(Training(train), changed)
-    for name in MODELS:
+    again = forecast_cases(Training(train), changed, models=places())
+    for name in places():
         np.testing.assert_array_equal(again[name].x, forecasts[name].x, err_msg=name)
         np.testing.assert_array_equal(again[name].quantiles, forecasts[name].quantiles, err_msg=name)
     assert np.abs(again[ORACLE].x - forecasts[ORACLE].x).max() > 5.0

@@ -8,11 +8,12 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from rampcast.benchmark import MODELS, default_folder, run_benchmark, write_benchmark
+from rampcast.benchmark import default_folder, run_benchmark, write_benchmark
 from rampcast.cli.app import app
 from rampcast.errors import RecordingError
+from rampcast.forecasters import places
 
-FEW = {name: MODELS[name] for name in ("constant_velocity", "pooled_idm", "chain_2")}
+FEW = {name: places()[name] for name in ("constant_velocity", "pooled_idm", "chain_2")}
 
 
 @pytest.fixture(scope="module")

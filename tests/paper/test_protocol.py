@@ -6,17 +6,19 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.errors import RecordingError
+from rampcast.errors import ModelError, RecordingError
+from rampcast.forecast.forecaster import ForecasterSpec, fit
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.calibration.calibration import Calibration, Outcome
 from rampcast.paper.examples import GOOD_ERROR, choose_examples, example_scenes, scene_tracks
-from rampcast.paper.framework import TrainingSpec, fit_forecaster
+from rampcast.paper.framework import PaperSpec, fit_paper
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec
 from rampcast.paper.parameters import outcome_table, parameter_table
-from rampcast.paper.protocol import evaluate, test_scenes
+from rampcast.paper.protocol import evaluate, test_rows
+from rampcast.paper.scenes import build_scenes_at
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.recording import clean
 from rampcast.traffic.anchors import X
@@ -24,14 +26,8 @@ from tests.made_up_traffic import random_traffic
 
 pytestmark = pytest.mark.slow
 
-SMALL = TrainingSpec(
-    lstm=LstmSpec(units=4, epochs=1, batch=64),
-    window_stride=9,
-    anchor_spacing=1.0,
-    trees=3,
-    scene_spacing=2.0,
-    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
-)
+SPEC = ForecasterSpec(spacing=2.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)))
+PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=1.0, trees=3)
 
 
 @pytest.fixture(scope="module")
@@ -40,43 +36,52 @@ def recording():
 
 
 @pytest.fixture(scope="module")
-def forecaster():
-    return fit_forecaster(clean(random_traffic(9, vehicles=40))[0], mode=Mode.CORRECTED, spec=SMALL)
+def training():
+    return clean(random_traffic(9, vehicles=40))[0]
 
 
 @pytest.fixture(scope="module")
-def evaluation(forecaster, recording):
-    return evaluate(forecaster, recording, every=4.0)
+def ours(training):
+    return fit(training, spec=SPEC)
+
+
+@pytest.fixture(scope="module")
+def of_paper(training):
+    return fit_paper(training, mode=Mode.CORRECTED, spec=PAPER_SPEC)
+
+
+@pytest.fixture(scope="module")
+def evaluation(ours, of_paper, recording):
+    return evaluate([ours, of_paper], recording, every=4.0)
 
 
 def test_paper_mode_draws_two_whole_scenes_of_each_vehicle(recording):
-    scenes = test_scenes(recording, Mode.PAPER, every=1.0, seed=1)
+    scenes = build_scenes_at(recording, test_rows(recording, Mode.PAPER, every=1.0, seed=1))
     assert scenes.future_valid[:, CENTRAL].all()
     _, counts = np.unique(scenes.vehicle[:, CENTRAL], return_counts=True)
     assert counts.max() == 2
     assert (counts == 2).mean() > 0.5
-    again, other = (test_scenes(recording, Mode.PAPER, every=1.0, seed=seed) for seed in (1, 2))
-    np.testing.assert_array_equal(scenes.t0, again.t0)
-    assert not np.array_equal(scenes.t0, other.t0)
+    one, again, other = (test_rows(recording, Mode.PAPER, every=1.0, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, again)
+    assert not np.array_equal(one, other)
 
 
 def test_corrected_mode_scores_every_scene_as_long_as_it_was_seen(recording):
-    scenes = test_scenes(recording, Mode.CORRECTED, every=2.0, seed=1)
+    scenes = build_scenes_at(recording, test_rows(recording, Mode.CORRECTED, every=2.0, seed=1))
     assert not scenes.future_valid[:, CENTRAL].all()
     np.testing.assert_allclose(scenes.t0 % 2.0, 0, atol=1e-9)
 
 
-def test_a_window_that_was_trained_on_is_refused(forecaster, recording):
+def test_a_window_that_was_trained_on_is_refused(ours, recording):
     tracks = recording.tracks.with_columns(recording=pl.lit("i80-1"))
     with pytest.raises(RecordingError, match="used to train this model"):
-        evaluate(forecaster, replace(recording, tracks=tracks))
+        evaluate([ours], replace(recording, tracks=tracks))
 
 
-def test_a_trained_window_under_another_name_is_refused_too(forecaster):
-    trained = clean(random_traffic(9, vehicles=40))[0]
-    renamed = replace(trained, tracks=trained.tracks.with_columns(recording=pl.lit("i80-2")))
+def test_a_trained_window_under_another_name_is_refused_too(ours, training):
+    renamed = replace(training, tracks=training.tracks.with_columns(recording=pl.lit("i80-2")))
     with pytest.raises(RecordingError, match="used to train this model"):
-        evaluate(forecaster, renamed)
+        evaluate([ours], renamed)
 
 
 def test_an_evaluation_holds_every_table_with_its_mode(evaluation):
@@ -94,6 +99,18 @@ def test_an_evaluation_holds_every_table_with_its_mode(evaluation):
     lane_change = evaluation.tables["lane_change"]
     assert set(lane_change["reading"]) == {"label", "crossing"}
     assert set(lane_change["sampling"]) == {"balanced", "natural"}
+
+
+def test_ours_alone_is_scored_without_the_papers_framework_and_alike(ours, recording, evaluation):
+    alone = evaluate([ours], recording, every=4.0)
+    assert set(alone.tables) == {"longitudinal", "lane_change"}
+    for name, table in alone.tables.items():
+        assert table.equals(evaluation.tables[name].filter(pl.col("model") == "rampcast")), name
+
+
+def test_forecasters_of_two_modes_are_not_scored_together(of_paper, recording):
+    with pytest.raises(ModelError, match="expected forecasters of one mode, got 2"):
+        evaluate([of_paper, replace(of_paper, mode=Mode.PAPER)], recording)
 
 
 def test_our_own_model_stands_before_the_others(evaluation):
@@ -124,7 +141,7 @@ def test_lane_changes_of_our_own_model_are_scored_on_the_scenes_whose_positions_
 
 
 def test_the_band_of_an_example_holds_its_median(evaluation):
-    tracks = scene_tracks(0, evaluation.scenes, evaluation.forecast)
+    tracks = scene_tracks(0, evaluation.scenes, evaluation.shown)
     band = tracks.filter(pl.col("kind") == "band").pivot("series", index="t", values="x")
     median = tracks.filter(pl.col("series") == "central forecast (rampcast)")["x"]
     assert (band["central 5 % quantile"] <= median).all()
@@ -132,7 +149,7 @@ def test_the_band_of_an_example_holds_its_median(evaluation):
 
 
 def test_examples_are_chosen_by_what_they_show(evaluation):
-    scenes, forecast = evaluation.scenes, evaluation.forecast
+    scenes, forecast = evaluation.scenes, evaluation.shown
     for name, scene in choose_examples(scenes, forecast).items():
         error = forecast.x["ghr"][scene] - scenes.future[scene, CENTRAL, :, X]
         if name.startswith("good"):

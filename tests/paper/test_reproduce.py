@@ -7,9 +7,10 @@ import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError
+from rampcast.forecast.forecaster import ForecasterSpec
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
-from rampcast.paper.framework import TrainingSpec
+from rampcast.paper.framework import PaperSpec
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec
 from rampcast.paper.reproduce import Protocol, find_files, paper_values, reproduce
@@ -20,15 +21,13 @@ from tests.ngsim_writer import gzipped, write_ngsim_txt, write_portal_csv, zippe
 
 pytestmark = pytest.mark.slow
 
-SMALL = TrainingSpec(
-    lstm=LstmSpec(units=6, epochs=1, batch=64),
-    window_stride=25,
-    anchor_spacing=1.0,
-    trees=3,
-    scene_spacing=20.0,
-    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
+PROTOCOL = Protocol(
+    ours=ForecasterSpec(
+        spacing=20.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4))
+    ),
+    paper=PaperSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=25, anchor_spacing=1.0, trees=3),
+    every=10.0,
 )
-PROTOCOL = Protocol(training=SMALL, every=10.0)
 SITE = load_site("simulated")
 LAST_FRAME = 3000  # five minutes of each window
 
@@ -75,8 +74,7 @@ def test_the_run_leaves_models_tables_figures_and_a_report(from_text):
     longitudinal = pl.read_parquet(out / "tables" / "longitudinal.parquet")
     assert set(longitudinal["mode"]) == {"paper", "corrected"}
     assert set(longitudinal.filter(pl.col("model") == "rampcast")["mode"]) == {"corrected"}
-    assert (out / "models" / "corrected" / "scene.npz").is_file()
-    assert not (out / "models" / "paper" / "scene.npz").exists()
+    assert (out / "models" / "rampcast" / "model.json").is_file()
     assert longitudinal["horizon"].max() == 15.0
     run = json.loads((out / "run.json").read_text())
     assert run["trained_on"] == ["simulated-1", "simulated-3"]
@@ -109,7 +107,7 @@ def test_an_interrupted_run_goes_on_where_it_was(from_text, monkeypatch):
 
     monkeypatch.setattr("rampcast.paper.reproduce.fit_lane_changes", counted)
     monkeypatch.setattr("rampcast.paper.reproduce.fit_neighbours", never)
-    monkeypatch.setattr("rampcast.paper.reproduce.fit_scenes", never)
+    monkeypatch.setattr("rampcast.paper.reproduce.fit", never)
     monkeypatch.setattr("rampcast.paper.reproduce.read_any", never)
     page = reproduce(find_files(data).files, out, protocol=PROTOCOL, site=SITE)
     assert page.is_file()
@@ -120,7 +118,7 @@ def test_a_part_made_from_other_inputs_is_made_again(from_text, monkeypatch):
     data, out = from_text
     again = []
     monkeypatch.setattr("rampcast.paper.reproduce.fit_neighbours", lambda *_a, **_k: again.append(1) or 1 / 0)
-    changed = replace(PROTOCOL, training=replace(SMALL, seed=2))
+    changed = replace(PROTOCOL, paper=replace(PROTOCOL.paper, seed=2))
     with pytest.raises(ZeroDivisionError):
         reproduce(find_files(data).files, out, protocol=changed, site=SITE)
     assert again

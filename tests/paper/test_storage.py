@@ -7,26 +7,23 @@ import numpy as np
 import pytest
 
 from rampcast.errors import ModelError, RecordingError
+from rampcast.forecast import storage
+from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.storage import load
 from rampcast.models.correction import CorrectionSpec
-from rampcast.paper.framework import TrainingSpec, fit_forecaster
+from rampcast.paper.framework import PaperForecaster, PaperSpec, fit_paper
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec
 from rampcast.paper.scenes import build_scenes
-from rampcast.paper.storage import load, save
+from rampcast.paper.storage import save
 from rampcast.recording import clean
 from rampcast.roads.ramp import without_ramp
 from rampcast.sites import load_site
 from tests.made_up_traffic import random_traffic
 
-SMALL = TrainingSpec(
-    lstm=LstmSpec(units=4, epochs=1, batch=64),
-    window_stride=9,
-    anchor_spacing=2.0,
-    trees=3,
-    scene_spacing=2.0,
-    scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)),
-)
+SPEC = ForecasterSpec(spacing=2.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)))
+PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=2.0, trees=3)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +33,12 @@ def recording():
 
 @pytest.fixture(scope="module")
 def forecaster(recording):
-    return fit_forecaster(recording, mode=Mode.CORRECTED, spec=SMALL)
+    return fit_paper(recording, mode=Mode.CORRECTED, spec=PAPER_SPEC)
+
+
+@pytest.fixture(scope="module")
+def ours(recording):
+    return fit(recording, spec=SPEC)
 
 
 @pytest.fixture
@@ -45,39 +47,48 @@ def folder(tmp_path, forecaster):
     return tmp_path / "model"
 
 
-def test_a_loaded_forecaster_gives_the_same_forecast(folder, forecaster, recording):
+@pytest.fixture
+def our_folder(tmp_path, ours):
+    storage.save(ours, tmp_path / "ours")
+    return tmp_path / "ours"
+
+
+def test_a_loaded_paper_forecaster_gives_the_same_forecast(folder, forecaster, recording):
     loaded = load(folder)
-    scenes = build_scenes(recording, every=5.0)
-    before, after = forecaster.predict(scenes), loaded.predict(scenes)
+    assert isinstance(loaded, PaperForecaster)
+    before, after = forecaster.predict(recording, every=5.0), loaded.predict(recording, every=5.0)
     for name, x in before.x.items():
         np.testing.assert_array_equal(x, after.x[name], err_msg=name)
     np.testing.assert_array_equal(before.p_within, after.p_within)
-    for field in fields(before.scene):
-        np.testing.assert_array_equal(getattr(before.scene, field.name), getattr(after.scene, field.name))
     assert loaded.site == forecaster.site
-    assert (loaded.mode, loaded.training, loaded.trained_on) == (Mode.CORRECTED, SMALL, ("i80-1",))
-    assert loaded.data_hash == forecaster.data_hash
+    assert (loaded.mode, loaded.training, loaded.trained_on) == (Mode.CORRECTED, PAPER_SPEC, ("i80-1",))
+    assert (loaded.data_hash, loaded.window_hashes) == (forecaster.data_hash, forecaster.window_hashes)
 
 
-def test_the_folder_holds_no_pickle(folder):
-    assert sorted(path.name for path in folder.rglob("*") if path.is_file()) == [
-        "forests.npz",
-        "model.json",
-        "model.json",
-        "model.json",
-        "network.eqx",
-        "network.eqx",
-        "scene.npz",
-    ]
-    for name in ("forests.npz", "scene.npz"):
-        with np.load(folder / name, allow_pickle=False) as arrays:
+def test_a_loaded_forecaster_of_ours_gives_the_same_forecast(our_folder, ours, recording):
+    loaded = load(our_folder)
+    assert isinstance(loaded, Forecaster)
+    before, after = ours.predict(recording, every=5.0).scene, loaded.predict(recording, every=5.0).scene
+    for field in fields(before):
+        np.testing.assert_array_equal(getattr(before, field.name), getattr(after, field.name))
+    assert (loaded.site, loaded.training, loaded.trained_on) == (ours.site, SPEC, ("i80-1",))
+    assert (loaded.data_hash, loaded.window_hashes) == (ours.data_hash, ours.window_hashes)
+
+
+def test_the_folders_hold_no_pickle(folder, our_folder):
+    names = {one: sorted(path.name for path in one.rglob("*") if path.is_file()) for one in (folder, our_folder)}
+    assert names[folder] == ["forests.npz", "model.json", "model.json", "model.json", "network.eqx", "network.eqx"]
+    assert names[our_folder] == ["model.json", "scene.npz"]
+    for path in (folder / "forests.npz", our_folder / "scene.npz"):
+        with np.load(path, allow_pickle=False) as arrays:
             assert all(arrays[name].dtype != object for name in arrays)
 
 
-def test_a_model_of_paper_mode_has_no_scene_forecaster(tmp_path, recording):
-    save(fit_forecaster(recording, mode=Mode.PAPER, spec=SMALL), tmp_path / "paper")
-    assert not (tmp_path / "paper" / "scene.npz").exists()
-    assert load(tmp_path / "paper").scene is None
+def test_a_folder_of_another_kind_is_named(folder, tmp_path):
+    with pytest.raises(ModelError, match="a folder of the kind 'neighbour model'; expected a model: rampcast, paper"):
+        load(folder / "ramp")
+    with pytest.raises(ModelError, match="of the kind 'paper', expected one of the kind 'rampcast'"):
+        storage.load_ours(folder)
 
 
 def test_a_folder_of_an_older_form_is_refused_with_advice(folder):
@@ -98,17 +109,28 @@ def test_a_folder_of_another_version_is_refused_with_advice(folder):
         load(folder)
 
 
-@pytest.mark.parametrize("name", ["forests.npz", "scene.npz", "ramp/network.eqx", "target/model.json", "model.json"])
-@pytest.mark.parametrize("damage", ["emptied", "cut", "missing"])
-def test_a_damaged_folder_is_an_error_that_says_so(folder, name, damage):
-    path = folder / name
+def damaged(path, damage):
     if damage == "missing":
         path.unlink()
     else:
         content = path.read_bytes()
         path.write_bytes(b"" if damage == "emptied" else content[: len(content) // 2])
+
+
+@pytest.mark.parametrize("name", ["forests.npz", "ramp/network.eqx", "target/model.json", "model.json"])
+@pytest.mark.parametrize("damage", ["emptied", "cut", "missing"])
+def test_a_damaged_folder_is_an_error_that_says_so(folder, name, damage):
+    damaged(folder / name, damage)
     with pytest.raises(ModelError, match=r"damaged|no model folder"):
         load(folder)
+
+
+@pytest.mark.parametrize("name", ["scene.npz", "model.json"])
+@pytest.mark.parametrize("damage", ["emptied", "cut", "missing"])
+def test_a_damaged_folder_of_ours_is_an_error_that_says_so(our_folder, name, damage):
+    damaged(our_folder / name, damage)
+    with pytest.raises(ModelError, match=r"damaged|no model folder"):
+        load(our_folder)
 
 
 def test_a_folder_that_is_no_model_says_how_to_make_one(tmp_path):
@@ -137,7 +159,7 @@ def test_a_folder_of_other_things_is_not_replaced(tmp_path, forecaster):
 def test_scenes_of_another_site_are_refused(forecaster, recording):
     scenes = build_scenes(recording, every=5.0)
     with pytest.raises(ModelError, match="trained at site 'i80', the scenes are of site 'us101'"):
-        forecaster.predict(replace(scenes, site=load_site("us101")))
+        forecaster.predict_scenes(replace(scenes, site=load_site("us101")))
 
 
 def test_a_site_of_the_same_name_is_the_same_only_if_its_road_is(forecaster, recording):
@@ -153,11 +175,13 @@ def test_a_site_of_the_same_name_is_the_same_only_if_its_road_is(forecaster, rec
     }
     for message, other in others.items():
         with pytest.raises(ModelError, match=message):
-            forecaster.predict(replace(scenes, site=other))
+            forecaster.predict_scenes(replace(scenes, site=other))
     same = replace(site, title="another title", notes=(), windows=(), gore=site.gore + 1.0)
-    assert len(forecaster.predict(replace(scenes, site=same), models=("constant_velocity",)).t0) == len(scenes)
+    assert len(forecaster.predict_scenes(replace(scenes, site=same), models=("constant_velocity",)).t0) == len(scenes)
 
 
 def test_a_site_without_a_ramp_is_not_trained_on(recording):
     with pytest.raises(RecordingError, match="no lane of role 'ramp': there is no merge to forecast"):
-        fit_forecaster(replace(recording, site=without_ramp(recording.site)), mode=Mode.CORRECTED)
+        fit_paper(replace(recording, site=without_ramp(recording.site)), mode=Mode.CORRECTED)
+    with pytest.raises(RecordingError, match="no lane of role 'ramp': there is no merge to forecast"):
+        fit(replace(recording, site=without_ramp(recording.site)))

@@ -3,9 +3,9 @@
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
-from rampcast.benchmark.merges import MERGE_MODELS, MergeForecasts
+from rampcast.benchmark.merges import MergeForecasts
 from rampcast.benchmark.metrics import case_table, score_table
-from rampcast.benchmark.models import MODELS, Forecasts, Training
+from rampcast.benchmark.models import Forecasts, Training
 from rampcast.benchmark.run import (
     Benchmark,
     benchmark,
@@ -19,8 +19,6 @@ from rampcast.benchmark.splits import Split, folds, split
 
 __all__ = [
     "DATA_SETS",
-    "MERGE_MODELS",
-    "MODELS",
     "Benchmark",
     "Cases",
     "DataSet",

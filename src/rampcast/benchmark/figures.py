@@ -1,10 +1,13 @@
 """Panels on the benchmark: error over the horizon, coverage of bands, and reliability of places and of merges."""
 
+from collections.abc import Iterator
+
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from mpl_toolkits.axes_grid1 import make_axes_locatable
 
+from rampcast.forecasters import FORECASTERS
 from rampcast.plots import style
 from rampcast.plots.style import Look
 
@@ -17,22 +20,7 @@ DATA_SETS = {
     "hee_merge_pairs": ("HEE, merge pairs", Look(style.ORANGE, "P", ":")),
     "simulated": ("simulated", Look(style.BLACK, "h", "-.")),
 }
-MODELS = {
-    "rampcast": ("rampcast", style.LOOKS["rampcast"]),
-    "constant_velocity": ("constant velocity", style.LOOKS["constant_velocity"]),
-    "idm": ("IDM (paper)", style.LOOKS["idm"]),
-    "gipps_paper": ("Gipps (paper)", style.LOOKS["gipps_paper"]),
-    "ghr": ("GHR (paper)", style.LOOKS["ghr"]),
-    "lstm": ("LSTM (paper)", style.LOOKS["lstm"]),
-    "pooled_idm": ("pooled IDM", Look(style.SKY, "<", (0, (1, 1)))),
-    "chain_8": ("chain of 8", Look(style.PURPLE, ">", (0, (5, 1, 1, 1)))),
-    "oracle": ("oracle: leader's true future", Look(style.GREY, "", "--")),
-    "forests": ("forests (paper)", Look(style.VERMILLION, "s", "--")),
-    "forests_natural": ("forests, natural base rate", Look(style.GREEN, "^", "-.")),
-    "base_rate": ("base rate", Look(style.BLACK, "X", "")),
-}
-OF_ERROR = tuple(name for name in MODELS if "forests" not in name and name != "base_rate")
-OF_MERGES = ("rampcast", "forests", "forests_natural", "base_rate")
+BASE_RATE = "base_rate"
 LEAST = 20  # cases; a mean of fewer is not drawn
 FEW = 100  # cases; with fewer, markers are open: their coverage is not held to the zone
 LEAST_IN_BIN = 10  # cases; a share of fewer is not drawn
@@ -55,14 +43,13 @@ def error_over_horizon(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     style.single(table, "data_set", name="scores")
     ax = ax or style.new_axes()
     known = table.filter(pl.col("n") >= LEAST).drop_nulls("mean_error")
-    for name in OF_ERROR:
-        text, look = MODELS[name]
+    for name, look in _looks(known):
         rows = known.filter(pl.col("model") == name).sort("horizon")
         if rows.height:
             x, y = (rows[column].to_numpy() for column in ("horizon", "mean_error"))
             own = name == "rampcast"
-            ax.plot(x, y, color=look.color, marker=look.marker, markevery=2, linestyle=look.dash, label=text,
-                    linewidth=2.2 if own else 1.3, zorder=4 if own else 3)  # fmt: skip
+            ax.plot(x, y, color=look.color, marker=look.marker, markevery=2, linestyle=look.dash,
+                    label=style.label(name), linewidth=2.2 if own else 1.3, zorder=4 if own else 3)  # fmt: skip
     style.seconds_axis(ax, AHEAD, last=_last(known))
     ax.set_ylabel("mean absolute error [m]")
     style.from_zero(ax)
@@ -138,15 +125,14 @@ def reliability_of_merges(table: pl.DataFrame, *, ax: Axes | None = None) -> Axe
     seconds = f"{table['t'][0]:.0f} s" if table.height else "t"
     ax = ax or style.new_axes(height=3.6)
     _diagonal(ax)
-    for name in OF_MERGES:
-        text, look = MODELS[name]
+    for name, look in _looks(table):
         rows = table.filter((pl.col("model") == name) & (pl.col("n") >= LEAST_IN_BIN)).sort("low")
         if rows.height:
             forecast, observed = (100.0 * rows[column].to_numpy() for column in ("forecast", "observed"))
             own = name == "rampcast"
-            ax.plot(forecast, observed, color=look.color, marker=look.marker, linestyle=look.dash or "none", label=text,
-                    markersize=6.0 if own or not look.dash else 4.0, linewidth=2.0 if own else 1.2,
-                    zorder=5 if own else 4)  # fmt: skip
+            ax.plot(forecast, observed, color=look.color, marker=look.marker, linestyle=look.dash or "none",
+                    label=style.label(name), markersize=6.0 if own or not look.dash else 4.0,
+                    linewidth=2.0 if own else 1.2, zorder=5 if own else 4)  # fmt: skip
     _share_axes(ax, f"forecast: merged within {seconds} [%]", "observed [%]", list(range(0, 101, 20)))
     style.legend_below(ax, columns=2)
     if table.height:
@@ -157,8 +143,7 @@ def reliability_of_merges(table: pl.DataFrame, *, ax: Axes | None = None) -> Axe
 def _draw_counts(ax: Axes, table: pl.DataFrame) -> None:
     """Draws the cases in each bin below the axes, which make room for them."""
     strip = make_axes_locatable(ax).append_axes("bottom", size=STRIP, pad=0.09, sharex=ax)
-    for name in OF_MERGES[:-1]:
-        look = MODELS[name][1]
+    for name, look in _looks(table.filter(pl.col("model") != BASE_RATE)):
         for low, high, n in table.filter(pl.col("model") == name).select("low", "high", "n").iter_rows():
             own = name == "rampcast"
             strip.plot([100.0 * low + 1.0, 100.0 * high - 1.0], [n, n], color=look.color, zorder=3,
@@ -172,6 +157,14 @@ def _draw_counts(ax: Axes, table: pl.DataFrame) -> None:
     strip.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     ax.set_xlabel("")
     ax.tick_params(labelbottom=False)
+
+
+def _looks(table: pl.DataFrame) -> Iterator[tuple[str, Look]]:
+    """Yields the models of a table that have a look of their own, and the look, in order."""
+    for name in style.in_order(table["model"].unique().to_list()):
+        look = FORECASTERS[name].look if name in FORECASTERS else None
+        if look is not None:
+            yield name, look
 
 
 def _data_sets(table: pl.DataFrame) -> dict[str, tuple[str, Look]]:

@@ -1,4 +1,4 @@
-"""The table of the benchmark's merge models. To add one: a `fit`, here or elsewhere, and a line in `MERGE_MODELS`.
+"""The benchmark's merge models. To add one: a `fit`, here or elsewhere, and a line in `forecasters`.
 
 A `fit` is given the training cases, futures and all, and returns a `predict`, which is given scenes, and how long each
 vehicle has been in the lane that it merges from.
@@ -18,9 +18,10 @@ from rampcast.benchmark.merge_metrics import HORIZON, whole_steps
 from rampcast.benchmark.models import TIME, Training
 from rampcast.evaluate.survival import Survival, kaplan_meier
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecaster
+from rampcast.forecast.tables import TIMES
 from rampcast.horizon import STEP
 from rampcast.paper.lane_change import forests
-from rampcast.paper.lane_change.sets import TIMES, Anchors, Reading
+from rampcast.paper.lane_change.sets import Anchors, Reading
 from rampcast.paper.laws.mode import Mode
 from rampcast.traffic.merge_scenes import MergeScenes
 
@@ -82,7 +83,7 @@ def time_on_lane(training: Training) -> MergePredict:
     return lambda scenes, since_entry: _of_curve(curve.within(since_entry, TIME), scenes, gap)
 
 
-def forest_sets(training: Training, *, mode: Mode) -> MergePredict:
+def forest_sets(training: Training, *, mode: str) -> MergePredict:
     """Returns the forecast of the paper's 32 forests: "within t", made to grow with t, and "at t", linear in between.
 
     Args:
@@ -98,7 +99,7 @@ def forest_sets(training: Training, *, mode: Mode) -> MergePredict:
         vehicle=vehicle.astype(np.int64),
         reading=Reading.CROSSING,
     )
-    return partial(_of_forests, forests.fit(anchors, spec=forests.SPECS[mode], seed=SEED))
+    return partial(_of_forests, forests.fit(anchors, spec=forests.SPECS[Mode(mode)], seed=SEED))
 
 
 def scene_forecaster(training: Training) -> MergePredict:
@@ -106,14 +107,6 @@ def scene_forecaster(training: Training) -> MergePredict:
     return partial(_of_scenes, training.scene_forecaster)
 
 
-MERGE_MODELS: dict[str, MergeFit] = {
-    "base_rate": base_rate,
-    "kaplan_meier": time_on_lane,
-    "forests": partial(forest_sets, mode=Mode.PAPER),
-    "forests_natural": partial(forest_sets, mode=Mode.CORRECTED),
-    "rampcast": scene_forecaster,
-}
-CROSS_FITTED = frozenset({"forests", "forests_natural", "rampcast"})  # they know their training cases by heart
 MERGE_REFERENCE = "kaplan_meier"  # to which the errors of times are compared
 BASE_RATE = "base_rate"  # to which Brier scores are compared
 

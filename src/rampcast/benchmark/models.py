@@ -1,4 +1,4 @@
-"""The table of the benchmark's longitudinal models. To add one: a `fit`, here or elsewhere, and a line in `MODELS`.
+"""The benchmark's longitudinal models. To add one: a `fit`, here or elsewhere, and a line in `forecasters`.
 
 A `fit` is given the training cases, futures and all, and returns a `predict`, which is given scenes and nothing else.
 The oracle alone is told the leader's future, as an argument of its own.
@@ -25,7 +25,7 @@ from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
 from rampcast.paper.neighbours.windows import WINDOW
 from rampcast.traffic.merge_scenes import MergeScenes
-from rampcast.traffic.platoons import HISTORY, PLACES, Platoons, known_lengths
+from rampcast.traffic.platoons import HISTORY, Platoons, known_lengths
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 TIME = np.arange(1, FUTURE + 1) * STEP
@@ -166,18 +166,6 @@ def oracle(training: Training) -> OraclePredict:
     return lambda scenes, leader_truth: Forecasts(follow_true_leader(parameters, scenes.own, leader_truth))
 
 
-MODELS: dict[str, Fit] = {
-    "constant_velocity": constant_velocity,
-    "relax_to_leader": relax_to_leader,
-    "idm": partial(car_following, law="idm"),
-    "gipps_paper": partial(car_following, law="gipps_paper"),
-    "ghr": partial(car_following, law="ghr"),
-    "lstm": lstm,
-    "pooled_idm": pooled_idm,
-    **{f"chain_{leaders}": partial(chain, leaders=leaders) for leaders in range(1, PLACES)},
-    "rampcast_without_correction": roll_outs_alone,
-    "rampcast": scene_forecaster,
-}
 ORACLE = "oracle"
 REFERENCE = "chain_1"  # one leader at constant speed; it closes none of the gap to the oracle, by definition
 

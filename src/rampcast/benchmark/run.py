@@ -15,19 +15,13 @@ import polars as pl
 from rampcast.benchmark.cases import Cases, joined
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.merge_tables import Thresholds, merge_case_table, merge_score_table, outcomes, thresholds
-from rampcast.benchmark.merges import (
-    CROSS_FITTED,
-    MERGE_MODELS,
-    MergeFit,
-    MergeForecasts,
-    MergePredict,
-    joined_forecasts,
-)
+from rampcast.benchmark.merges import MergeFit, MergeForecasts, MergePredict, joined_forecasts
 from rampcast.benchmark.metrics import case_table, score_table
-from rampcast.benchmark.models import MODELS, ORACLE, Fit, Forecasts, Training, oracle, with_bands
+from rampcast.benchmark.models import ORACLE, Fit, Forecasts, Training, oracle, with_bands
 from rampcast.benchmark.splits import folds, group_numbers, split
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
+from rampcast.forecasters import FORECASTERS, merges, places
 from rampcast.simulate.shipped import shipped_sample
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
@@ -98,8 +92,8 @@ def run_benchmark(
     test: Path,
     *,
     simulated: Sequence[Path] = (),
-    models: Mapping[str, Fit] = MODELS,
-    merge_models: Mapping[str, MergeFit] = MERGE_MODELS,
+    models: Mapping[str, Fit] | None = None,
+    merge_models: Mapping[str, MergeFit] | None = None,
     data_sets: Mapping[str, DataSet] = DATA_SETS,
     progress: Tell | None = None,
 ) -> Benchmark:
@@ -112,14 +106,16 @@ def run_benchmark(
         train: folder of the files to train on.
         test: folder of the files to test on.
         simulated: files of the simulated windows, for folders that hold none.
-        models: the table of longitudinal models.
-        merge_models: the table of merge models.
+        models: the longitudinal models by name; None for all in `forecasters`.
+        merge_models: the merge models, likewise.
         data_sets: the table of data sets.
         progress: called with what is done, how many data sets are done, and their number.
 
     Raises:
         RecordingError: no data set has its files in both folders.
     """
+    models = places() if models is None else models
+    merge_models = merges() if merge_models is None else merge_models
     same = Path(train).resolve() == Path(test).resolve()
     tables: dict[str, list[pl.DataFrame]] = {name: [] for name in TABLES}
     record, left_out = {}, {}
@@ -153,7 +149,7 @@ def _put_together(
     return Benchmark(**whole, record={"data_sets": record, "left_out": left_out} | versions)
 
 
-def forecast_cases(training: Training, test: Cases, *, models: Mapping[str, Fit] = MODELS) -> dict[str, Forecasts]:
+def forecast_cases(training: Training, test: Cases, *, models: Mapping[str, Fit]) -> dict[str, Forecasts]:
     """Returns where every model, and the oracle, forecasts the test cases to be."""
     train = training.longitudinal
     forecasts = {}
@@ -169,14 +165,15 @@ def forecast_cases(training: Training, test: Cases, *, models: Mapping[str, Fit]
 
 
 def forecast_merges(
-    training: Training, test: Cases, *, models: Mapping[str, MergeFit] = MERGE_MODELS
+    training: Training, test: Cases, *, models: Mapping[str, MergeFit]
 ) -> tuple[dict[str, MergeForecasts], dict[str, Thresholds]]:
     """Returns when every model forecasts the test cases to merge, and the thresholds chosen on the training cases."""
     forecasts, limits = {}, {}
     for name, fit in models.items():
         predict = fit(training)
         forecasts[name] = predict(test.scenes, test.since_entry)
-        train, of_train = _for_thresholds(training, fit if name in CROSS_FITTED else None, predict)
+        by_heart = name in FORECASTERS and FORECASTERS[name].by_heart
+        train, of_train = _for_thresholds(training, fit if by_heart else None, predict)
         limits[name] = thresholds(outcomes(train), of_train)
     return forecasts, limits
 

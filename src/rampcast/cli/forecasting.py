@@ -1,5 +1,6 @@
 """Commands that train, forecast and score."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,17 +24,25 @@ from rampcast.cli.options import (
     Stride,
 )
 from rampcast.cli.reading import bad_rows_of, named_site, read_smoothed, user_command
+from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
-    from rampcast.paper.framework import TrainingSpec
+    from rampcast.forecast.protocol import Progress
+    from rampcast.paper.framework import PaperSpec
+    from rampcast.recording import Recording
 
 
-@app.command(epilog="Example:\n\nrampcast train window1.parquet window3.parquet --out model --mode corrected")
+@app.command(
+    epilog="Examples:\n\nrampcast train window1.parquet window3.parquet --out model\n\n"
+    "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected"
+)
 def train(
     recordings: Files,
     out: OutFolder,
-    mode: Annotated[Mode, typer.Option(help="Which reading of the paper.")] = Mode.CORRECTED,
+    paper: Annotated[
+        Mode | None, typer.Option("--paper", help="Train the paper's framework in that reading of the paper instead.")
+    ] = None,
     site: SiteName = None,
     format: FormatName = None,
     mapping: MappingFile = None,
@@ -42,17 +51,37 @@ def train(
     batch: Batch = 32,
     stride: Stride = 1,
     seed: Seed = 1,
+    mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
-    """Trains a forecaster: two neighbour LSTMs, 32 lane-change forests and, in corrected mode, the scene forecaster."""
-    from rampcast.paper.framework import fit_forecaster
-    from rampcast.paper.storage import check_replaceable, save
+    """Trains the forecaster; with --paper the paper's framework: two neighbour LSTMs and 32 lane-change forests."""
+    from rampcast.forecast.storage import check_replaceable
 
+    if mode is not None:
+        raise RampcastError(
+            f"--mode {mode}: a model is rampcast's own now, or with `--paper {mode}` the paper's framework in that mode"
+        )
     check_replaceable(out)
     with terminal.progress() as tell:
         recording = read_smoothed(recordings, site, skip_bad_rows, format, mapping)
-        spec = training_spec(epochs, batch, stride, seed)
-        save(fit_forecaster(recording, mode=mode, spec=spec, progress=tell), out)
+        if paper is None:
+            train_ours(recording, out, seed=seed, progress=tell)
+        else:
+            train_paper(recording, out, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
+
+
+def train_ours(recording: "Recording", out: Path, *, seed: int, progress: "Progress") -> None:
+    from rampcast.forecast.forecaster import ForecasterSpec, fit
+    from rampcast.forecast.storage import save
+
+    save(fit(recording, spec=ForecasterSpec(seed=seed), progress=progress), out)
+
+
+def train_paper(recording: "Recording", out: Path, *, mode: Mode, spec: "PaperSpec", progress: "Progress") -> None:
+    from rampcast.paper.framework import fit_paper
+    from rampcast.paper.storage import save
+
+    save(fit_paper(recording, mode=mode, spec=spec, progress=progress), out)
 
 
 @app.command(
@@ -71,27 +100,21 @@ def forecast(
 ) -> None:
     """Forecasts every on-ramp vehicle at every anchor time: where it will be, when it will merge, and into which gap.
 
-    Writes forecast.parquet and lane_change.parquet; a model of corrected mode gap.parquet and conflicts.parquet too.
+    Writes forecast.parquet and lane_change.parquet; the paper's framework no gap.parquet and conflicts.parquet.
     The columns: docs/forecast_files.md.
     """
     from rampcast.files import write_table
-    from rampcast.paper.scenes import build_scenes
-    from rampcast.paper.storage import load
+    from rampcast.forecast.storage import load
+    from rampcast.forecast.tables import FILES
 
     with terminal.progress("forecast"):
         forecaster = load(model)
         smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
-        result = forecaster.predict(build_scenes(smoothed, every=every))
-        tables = {
-            "forecast": result.position_table(),
-            "lane_change": result.lane_change_table(),
-            "gap": result.gap_table(),
-            "conflicts": result.conflict_table(),
-        }
-        for name in tables:  # of another model, or an earlier run, they would be taken for this one's
+        result = forecaster.predict(smoothed, every=every)
+        tables = result.tables()
+        for name in FILES:  # of another model, or an earlier run, they would be taken for this one's
             (out / f"{name}.parquet").unlink(missing_ok=True)
             (out / f"{name}.csv").unlink(missing_ok=True)
-        tables = {name: table for name, table in tables.items() if table.height}
         written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
     terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")
 
@@ -109,8 +132,8 @@ def evaluate(
     seed: Seed = 1,
 ) -> None:
     """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
+    from rampcast.forecast.storage import load
     from rampcast.paper.reproduce import score
-    from rampcast.paper.storage import load
 
     with terminal.progress("forecast and score"):
         forecaster = load(model)
@@ -135,10 +158,16 @@ def reproduce(
     skip_bad_rows: SkipBadRows = False,
 ) -> None:
     """Runs the paper's whole protocol in both modes beside the paper's values; resumes after an interruption."""
+    from rampcast.forecast.forecaster import ForecasterSpec
     from rampcast.paper.reproduce import Protocol, find_files
     from rampcast.paper.reproduce import reproduce as run
 
-    protocol = Protocol(training=training_spec(epochs, batch, stride, seed), every=every, command=user_command())
+    protocol = Protocol(
+        ours=ForecasterSpec(seed=seed),
+        paper=paper_spec(epochs, batch, stride, seed),
+        every=every,
+        command=user_command(),
+    )
     found = find_files(data, without=out)
     for reason in found.left_out.values():
         terminal.say(f"left out {reason}")
@@ -182,19 +211,19 @@ def benchmark(
 @app.command(epilog="Example:\n\nrampcast demo --out out/demo")
 def demo(out: OutFolder = Path("out/demo")) -> None:
     """Runs the whole protocol on the simulated recordings that ship with rampcast, with short training."""
-    from rampcast.paper.reproduce import DEMO_TRAINING, Protocol
+    from rampcast.paper.reproduce import DEMO
     from rampcast.paper.reproduce import reproduce as run
     from rampcast.simulate import shipped_sample
 
-    protocol = Protocol(training=DEMO_TRAINING, every=5.0, command=user_command())
+    protocol = replace(DEMO, command=user_command())
     with terminal.progress() as tell:
         page = run(shipped_sample(), out, protocol=protocol, progress=tell)
     terminal.print_scores(out)
     terminal.say(f"wrote {page}")
 
 
-def training_spec(epochs: int, batch: int, stride: int, seed: int) -> "TrainingSpec":
-    from rampcast.paper.framework import TrainingSpec
+def paper_spec(epochs: int, batch: int, stride: int, seed: int) -> "PaperSpec":
+    from rampcast.paper.framework import PaperSpec
     from rampcast.paper.neighbours.lstm import LstmSpec
 
-    return TrainingSpec(lstm=LstmSpec(epochs=epochs, batch=batch), window_stride=stride, seed=seed)
+    return PaperSpec(lstm=LstmSpec(epochs=epochs, batch=batch), window_stride=stride, seed=seed)

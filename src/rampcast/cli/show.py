@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from rampcast.benchmark import Benchmark
     from rampcast.doctor import Diagnosis, Finding, RoadDiagnosis, Summary
     from rampcast.download import Download
+    from rampcast.forecast.protocol import Progress as Tell
     from rampcast.formats import ReadReport
-    from rampcast.paper.framework import Progress as Tell
     from rampcast.recording import CleaningReport
 
 output = Console()
@@ -208,9 +208,8 @@ def _print_findings(title: str, findings: "Sequence[Finding]") -> None:
 
 def print_errors(longitudinal: "pl.DataFrame") -> None:
     """Prints the mean absolute position error at a few horizons, from the tidy table."""
-    from rampcast.paper.errors import model_labels
+    from rampcast.forecasters import label
 
-    labels = model_labels()
     for (mode,), of_mode in longitudinal.group_by("mode", maintain_order=True):
         table = Table(title=f"{mode} mode: mean absolute position error (m)", title_justify="left")
         for name in ("vehicles", "model"):
@@ -221,7 +220,7 @@ def print_errors(longitudinal: "pl.DataFrame") -> None:
             error = dict(zip(rows["horizon"], rows["mean_error"], strict=True))
             cells = (error.get(horizon) for horizon in SHOWN_HORIZONS)
             shown = ("–" if value is None else f"{value:.1f}" for value in cells)
-            table.add_row(str(group).replace("_", " "), labels.get(str(model), str(model)), *shown)
+            table.add_row(str(group).replace("_", " "), label(str(model)), *shown)
         output.print(table)
 
 

@@ -8,7 +8,6 @@ from jaxtyping import Float
 
 from rampcast.evaluate.positions import position_errors
 from rampcast.paper.neighbours.predict import NeighbourForecast
-from rampcast.paper.position_models import MODELS
 from rampcast.paper.scenes.scenes import CENTRAL, FOLLOWER, LEADER, TARGET_SLOTS, Scenes
 from rampcast.traffic.anchors import X
 
@@ -30,11 +29,6 @@ def neighbour_errors(scenes: Scenes, predicted: NeighbourForecast, *, model: str
         valid = scenes.future_valid[:, slots].reshape(-1, steps)
         tables.append(_labelled(position_errors(x, observed, valid), group, model))
     return pl.concat(tables)
-
-
-def model_labels() -> dict[str, str]:
-    """Returns the name in tables and figures of every model, by its key."""
-    return {name: model.label for name, model in MODELS.items()} | {"lstm": "LSTM"}
 
 
 def _labelled(table: pl.DataFrame, group: str, model: str) -> pl.DataFrame:

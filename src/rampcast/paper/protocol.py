@@ -1,4 +1,8 @@
-"""The test protocol: which scenes are scored in which mode, and all tables of one forecaster on one recording."""
+"""The test protocol: which scenes are scored in which mode, and all tables of forecasters on one recording.
+
+Forecasters are scored side by side, ours as any other that satisfies `forecast.protocol`; the tables on neighbours,
+drivers and forests are the paper's own.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,36 +11,33 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
-from rampcast.errors import RecordingError
-from rampcast.forecast.scene_forecaster import SceneForecaster
+from rampcast.errors import ModelError, RecordingError
+from rampcast.forecast.protocol import RecordingForecast, RecordingForecaster
+from rampcast.forecast.tables import TIMES
 from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.paper.errors import central_errors, neighbour_errors
-from rampcast.paper.examples import example_scenes
-from rampcast.paper.framework import READINGS, Forecaster, window_hashes
+from rampcast.paper.examples import Shown, example_scenes
+from rampcast.paper.forecast import PaperForecast
+from rampcast.paper.framework import READINGS, PaperForecaster
 from rampcast.paper.lane_change.forests import importance_table, training_table
 from rampcast.paper.lane_change.scores import lane_change_scores, lane_change_table
-from rampcast.paper.lane_change.sets import (
-    KINDS,
-    TIMES,
-    Anchors,
-    Reading,
-    Sampling,
-    lane_change_anchors,
-)
+from rampcast.paper.lane_change.sets import KINDS, Reading, Sampling, lane_change_anchors
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.predict import continue_at_constant_speed
 from rampcast.paper.parameters import outcome_table, parameter_table
-from rampcast.paper.result import OWN, Forecast, lane_change_at_seconds
-from rampcast.paper.scenes import Scenes, build_neighbour_scenes_at, build_scenes, build_scenes_at
+from rampcast.paper.scenes import Scenes, build_scenes_at
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.recording import Recording
+from rampcast.recording.hashes import window_hashes
 from rampcast.traffic import find_anchors
-from rampcast.traffic.merge_scenes import build_merge_scenes
+from rampcast.traffic.outcomes import outcomes
 
 DRAWS_PER_VEHICLE = 2  # the paper: two random sub-trajectories of each test vehicle
 CHUNK = 1024  # scenes whose samples are kept at the same time: 100 MB
 LONGEST_WAIT = 16.0  # [s] before a lane change; the last of these says "no" to "within 15 s"
+Probabilities = tuple[Float[np.ndarray, "scene 16"], ...]  # within, and at, each second
+Tables = dict[str, pl.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -44,77 +45,112 @@ class Evaluation:
     """What came out of a test.
 
     Attributes:
+        mode: which reading of the paper the test follows.
         scenes: the scenes that were scored.
-        forecast: what was forecast for them.
-        tables: tidy tables by name: longitudinal, parameters, outcomes, lane_change, importance, training, examples.
+        forecasts: what was forecast for them, by each forecaster.
+        tables: tidy tables by name: longitudinal and lane_change; where the paper's framework is among the forecasters
+            also parameters, outcomes, importance, training, examples.
     """
 
+    mode: Mode
     scenes: Scenes
-    forecast: Forecast
-    tables: dict[str, pl.DataFrame]
+    forecasts: tuple[RecordingForecast, ...]
+    tables: Tables
+
+    @property
+    def shown(self) -> Shown:
+        """Returns what pictures of single scenes show."""
+        return shown(self.forecasts)
 
 
-def evaluate(forecaster: Forecaster, recording: Recording, *, every: float = 1.0, seed: int = 1) -> Evaluation:
-    """Returns the scores of a forecaster on a smoothed recording that it was not trained on.
+@dataclass(frozen=True)
+class Test:
+    """What a forecaster is scored on.
+
+    Attributes:
+        recording: the test windows.
+        rows: the scenes that are scored, as rows of it.
+        scenes: the same with their truths.
+        mode: which reading of the paper is followed.
+        seed: fixes what the paper draws at random.
+    """
+
+    __test__ = False
+
+    recording: Recording
+    rows: Int[np.ndarray, "scene"]
+    scenes: Scenes
+    mode: Mode
+    seed: int
+
+
+def evaluate(
+    forecasters: Sequence[RecordingForecaster], recording: Recording, *, every: float = 1.0, seed: int = 1
+) -> Evaluation:
+    """Returns the scores of forecasters, side by side, on a smoothed recording that they were not trained on.
 
     Args:
-        forecaster: fitted on other windows.
+        forecasters: fitted on other windows. The paper's framework among them says by its mode which scenes are scored;
+            without it they are those of corrected mode.
         recording: the test windows.
         every: corrected mode: time between the anchors that are scored [s].
         seed: fixes what the paper draws at random.
 
     Raises:
         RecordingError: a window of the recording was trained on, or it holds no scene.
+        ModelError: there is no forecaster, or there are two of different modes.
     """
-    hashes = zip(recording.names, window_hashes(recording), strict=True)
-    leaked = sorted(
-        name for name, found in hashes if name in forecaster.trained_on or found in forecaster.window_hashes
+    mode = _mode_of(forecasters)
+    for forecaster in forecasters:
+        _check_unseen(forecaster, recording)
+    rows = test_rows(recording, mode, every=every, seed=seed)
+    test = Test(recording, rows, build_scenes_at(recording, rows), mode, seed)
+    forecasts = tuple(forecaster.predict_at(recording, rows) for forecaster in forecasters)
+    x = {name: x for forecast in forecasts for name, x in forecast.x.items()}
+    parts: list[Tables] = [{"longitudinal": _with_mode(central_errors(test.scenes, x), mode)}]
+    before = before_changes(recording)
+    for forecaster, forecast in zip(forecasters, forecasts, strict=True):
+        if isinstance(forecaster, PaperForecaster) and isinstance(forecast, PaperForecast):
+            parts.append(_framework_tables(forecaster, forecast, test))
+        else:
+            parts.append({"lane_change": _lane_changes(forecaster, forecast, test, before)})
+    if any(isinstance(forecast, PaperForecast) for forecast in forecasts):
+        parts.append({"examples": _with_mode(example_scenes(test.scenes, shown(forecasts)), mode)})
+    names = dict.fromkeys(name for part in parts for name in part)
+    tables = {name: pl.concat([part[name] for part in parts if name in part]) for name in names}
+    return Evaluation(mode, test.scenes, forecasts, tables)
+
+
+def shown(forecasts: Sequence[RecordingForecast]) -> Shown:
+    """Returns what pictures of single scenes show of forecasts for the same scenes."""
+    neighbours = [forecast.neighbours for forecast in forecasts if isinstance(forecast, PaperForecast)]
+    return Shown(
+        x={name: x for forecast in forecasts for name, x in forecast.x.items()},
+        bands={name: bands for forecast in forecasts for name, bands in forecast.bands.items()},
+        neighbours=neighbours[0] if neighbours else None,
     )
-    if leaked:
-        raise RecordingError(
-            f"the windows {leaked} were used to train this model, so a score on them says nothing; evaluate on others"
-        )
-    scenes = test_scenes(recording, forecaster.mode, every=every, seed=seed)
-    forecast = forecaster.predict(scenes)
-    at_constant_speed = continue_at_constant_speed(scenes, steps=FUTURE)
-    longitudinal = [
-        central_errors(scenes, forecast.x),
-        neighbour_errors(scenes, forecast.neighbours),
-        neighbour_errors(scenes, at_constant_speed, model="constant_velocity"),
-    ]
-    tables = {
-        "longitudinal": pl.concat(longitudinal),
-        "parameters": pl.concat(
-            [parameter_table(LAWS[name], fit, forecaster.mode) for name, fit in forecast.calibrations.items()]
-        ),
-        "outcomes": pl.concat([outcome_table(LAWS[name], fit) for name, fit in forecast.calibrations.items()]),
-        "examples": example_scenes(scenes, forecast),
-    }
-    with_mode = {name: _with_mode(table, forecaster.mode) for name, table in tables.items()}
-    lane_changes = _lane_change_tables(forecaster, recording, scenes, forecast, seed)
-    return Evaluation(scenes, forecast, with_mode | lane_changes)
 
 
-def test_scenes(recording: Recording, mode: Mode, *, every: float, seed: int) -> Scenes:
-    """Returns the scenes to score.
+def test_rows(recording: Recording, mode: Mode, *, every: float, seed: int) -> Int[np.ndarray, "scene"]:
+    """Returns the scenes to score, as rows of the recording.
 
     Paper mode: two random anchors of each vehicle that is seen for 4 s before and 15 s after them. Corrected mode: an
     anchor at every `every` [s]; each second is scored for which the truth was seen (erratum 6).
     """
     if mode is Mode.CORRECTED:
-        return build_scenes(recording, every=every)
+        return find_anchors(recording, every=every)
     anchors = find_anchors(recording, every=STEP)
-    whole = anchors[build_neighbour_scenes_at(recording, anchors).seen_for >= FUTURE * STEP - 1e-9]
+    whole = anchors[outcomes(recording, anchors).seen_for >= FUTURE * STEP - 1e-9]
     if not len(whole):
         raise RecordingError(
             "the paper's protocol needs on-ramp vehicles that are seen for 19 s, 4 of them in the ramp lane; there are "
-            "none. Corrected mode scores each second for which the truth was seen: train with --mode corrected"
+            "none. Corrected mode scores each second for which the truth was seen: train with --paper corrected"
         )
     drawn = _draw_per_vehicle(_vehicle_number(recording)[whole], np.random.default_rng(seed))
-    return build_scenes_at(recording, whole[drawn])
+    return whole[drawn]
 
 
-test_scenes.__test__ = False  # type: ignore[attr-defined]
+test_rows.__test__ = False  # type: ignore[attr-defined]
 
 
 def run_counts(recording: Recording, scenes: Scenes) -> dict[str, int]:
@@ -128,69 +164,96 @@ def run_counts(recording: Recording, scenes: Scenes) -> dict[str, int]:
     }
 
 
-def _lane_change_tables(
-    forecaster: Forecaster, recording: Recording, scenes: Scenes, forecast: Forecast, seed: int
-) -> dict[str, pl.DataFrame]:
-    """Returns the lane-change scores by both readings of the time, and the importances."""
-    all_rows = find_anchors(recording, every=STEP)
-    anchors = build_neighbour_scenes_at(recording, all_rows)
-    scores = [
-        lane_change_table(forecaster.forests, lane_change_anchors(anchors, reading), seed=seed)
-        for reading in _readings(forecaster.mode)
+def _mode_of(forecasters: Sequence[RecordingForecaster]) -> Mode:
+    modes = {forecaster.mode for forecaster in forecasters if isinstance(forecaster, PaperForecaster)}
+    if not forecasters or len(modes) > 1:
+        raise ModelError(f"expected forecasters of one mode, got {len(forecasters)} of the modes {sorted(modes)}")
+    return modes.pop() if modes else Mode.CORRECTED
+
+
+def _check_unseen(forecaster: RecordingForecaster, recording: Recording) -> None:
+    hashes = zip(recording.names, window_hashes(recording), strict=True)
+    leaked = sorted(
+        name for name, found in hashes if name in forecaster.trained_on or found in forecaster.window_hashes
+    )
+    if leaked:
+        raise RecordingError(
+            f"the windows {leaked} were used to train this model, so a score on them says nothing; evaluate on others"
+        )
+
+
+def _framework_tables(forecaster: PaperForecaster, forecast: PaperForecast, test: Test) -> Tables:
+    """Returns the tables on the parts of the paper's framework: neighbours, drivers, forests."""
+    at_constant_speed = continue_at_constant_speed(test.scenes, steps=FUTURE)
+    fits = {name: forecast.inputs.calibration(name) for name in LAWS}
+    tables = {
+        "longitudinal": pl.concat(
+            [
+                neighbour_errors(test.scenes, forecast.neighbours),
+                neighbour_errors(test.scenes, at_constant_speed, model="constant_velocity"),
+            ]
+        ),
+        "parameters": pl.concat([parameter_table(LAWS[name], fit, test.mode) for name, fit in fits.items()]),
+        "outcomes": pl.concat([outcome_table(LAWS[name], fit) for name, fit in fits.items()]),
+    }
+    anchors = build_scenes_at(test.recording, find_anchors(test.recording, every=STEP), future=0)
+    of_forests = [
+        lane_change_table(forecaster.forests, lane_change_anchors(anchors, reading), seed=test.seed)
+        for reading in _readings(test.mode)
     ]
-    if forecaster.scene is not None and forecast.scene is not None:
-        natural = lane_change_at_seconds(forecast.scene)
-        of_samples = [
-            _own_scores(natural, lane_change_anchors(scenes, reading), forecaster.mode, Sampling.NATURAL, seed)
-            for reading in _readings(forecaster.mode)
-        ]
-        rows = _before_changes(anchors)
-        balanced = _lane_changes_of_samples(forecaster.scene, recording, all_rows[rows])
-        few = lane_change_anchors(anchors.select(rows), READINGS[forecaster.mode])
-        scores = [*of_samples, _own_scores(balanced, few, forecaster.mode, Sampling.BALANCED, seed), *scores]
-    return {
-        "lane_change": pl.concat(scores),
+    return {name: _with_mode(table, test.mode) for name, table in tables.items()} | {
+        "lane_change": pl.concat(of_forests),
         "importance": importance_table(forecaster.forests),
         "training": training_table(forecaster.forests),
     }
 
 
-def _own_scores(
-    probability: tuple[Float[np.ndarray, "scene 16"], ...], anchors: Anchors, mode: Mode, sampling: Sampling, seed: int
+def _lane_changes(
+    forecaster: RecordingForecaster, forecast: RecordingForecast, test: Test, before: Int[np.ndarray, "row"]
 ) -> pl.DataFrame:
-    """Returns the lane-change scores of the scene forecaster.
+    """Returns the lane-change scores of a forecaster whose probabilities take long.
 
     The forests are scored on an anchor every 0.2 s, as in the paper; to draw samples for each would take hours. At the
-    natural base rate the scenes whose positions are scored are a sample of the same.
+    natural base rate the scenes whose positions are scored are a sample of the same. Balanced sets need scenes just
+    before lane changes, see `before_changes`.
     """
-    by_kind = dict(zip(KINDS, probability, strict=True))
-    return lane_change_scores(by_kind, anchors, model=OWN, mode=mode, seed=seed, samplings=(sampling,))
+    few = build_scenes_at(test.recording, before, future=0)
+    tables = []
+    for name, natural in forecast.lane_changes.items():
+        balanced = _lane_changes_at(forecaster, name, test.recording, before)
+        jobs = [(natural, test.scenes, reading, Sampling.NATURAL) for reading in _readings(test.mode)]
+        for found, scenes, reading, sampling in [*jobs, (balanced, few, READINGS[test.mode], Sampling.BALANCED)]:
+            by_kind = dict(zip(KINDS, found, strict=True))
+            anchors = lane_change_anchors(scenes, reading)
+            tables.append(
+                lane_change_scores(by_kind, anchors, model=name, mode=test.mode, seed=test.seed, samplings=(sampling,))
+            )
+    return pl.concat(tables)
 
 
-def _lane_changes_of_samples(
-    model: SceneForecaster, recording: Recording, rows: Int[np.ndarray, "scene"]
-) -> tuple[Float[np.ndarray, "scene 16"], ...]:
+def _lane_changes_at(
+    forecaster: RecordingForecaster, model: str, recording: Recording, rows: Int[np.ndarray, "scene"]
+) -> Probabilities:
     """Returns the probability of a lane change within, and at, each second, for vehicles at those rows."""
-    if not len(rows):
-        return (np.zeros((0, len(TIMES))),) * len(KINDS)
-    around = build_merge_scenes(recording, rows)
-    number = np.arange(len(rows))
     parts = [
-        lane_change_at_seconds(model.predict(around.select(number[first : first + CHUNK])))
+        forecaster.predict_at(recording, rows[first : first + CHUNK]).lane_changes[model]
         for first in range(0, len(rows), CHUNK)  # samples of all of them at once would fill the memory
     ]
-    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+    nothing = (np.zeros((0, len(TIMES))),) * len(KINDS)
+    return tuple(np.concatenate(part) for part in zip(nothing, *parts, strict=True))
 
 
-def _before_changes(scenes: Scenes) -> Int[np.ndarray, "row"]:
-    """Returns the scenes at whole seconds, up to `LONGEST_WAIT`, and one step, before a lane change or else a last row.
+def before_changes(recording: Recording) -> Int[np.ndarray, "scene"]:
+    """Returns the rows at whole seconds, up to `LONGEST_WAIT`, and one step, before a lane change or else a last row.
 
     They are few, and balanced sets can be drawn of them: every vehicle has one at t, and one within t, for each t.
     """
-    until = np.where(np.isnan(scenes.change_crossing), scenes.seen_for, scenes.change_crossing)
+    rows = find_anchors(recording, every=STEP)
+    became = outcomes(recording, rows)
+    until = np.where(np.isnan(became.change_time), became.seen_for, became.change_time)
     step = np.rint(until / STEP).astype(np.int64)
     whole = (step % STEPS_PER_SECOND == 0) & (step > 0) & (step <= LONGEST_WAIT / STEP)
-    return np.flatnonzero(whole | (step == 1))
+    return rows[whole | (step == 1)]
 
 
 def _readings(mode: Mode) -> Sequence[Reading]:

@@ -18,46 +18,33 @@ import polars as pl
 from rampcast import __version__
 from rampcast.errors import RecordingError
 from rampcast.files import write_table, write_whole
+from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.protocol import Progress, RecordingForecaster, tell_nobody
+from rampcast.forecast.storage import load_ours, versions
+from rampcast.forecast.storage import save as save_ours
 from rampcast.formats import BadRows, read_any, why_not
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.framework import (
-    Forecaster,
-    Progress,
-    TrainingSpec,
+    PaperForecaster,
+    PaperSpec,
     assemble,
     fit_lane_changes,
     fit_neighbours,
-    fit_scenes,
     for_each_lane,
-    recording_hash,
 )
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm
 from rampcast.paper.protocol import Evaluation, evaluate, run_counts
 from rampcast.paper.report.report import write_report
-from rampcast.paper.storage import (
-    load_forests,
-    load_lstm,
-    load_scene,
-    save,
-    save_forests,
-    save_lstm,
-    save_scene,
-    versions,
-)
+from rampcast.paper.storage import load_forests, load_lstm, save, save_forests, save_lstm
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
+from rampcast.recording.hashes import recording_hash
 from rampcast.sites import Site
 from rampcast.sites.site import site_to_dict
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
-DEMO_TRAINING = TrainingSpec(
-    lstm=LstmSpec(epochs=8, batch=64, decay=0.7),
-    window_stride=15,
-    scene_spacing=10.0,
-    scene=PlatoonForecasterSpec(samples=50, folds=4, correction=CorrectionSpec(trees=60)),
-)
 SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
 FINGERPRINTS = "fingerprints"
 
@@ -69,16 +56,27 @@ class Protocol:
     """How the protocol is run.
 
     Attributes:
-        training: how both forecasters are trained.
+        ours: how rampcast's own forecaster is trained.
+        paper: how the paper's framework is trained, in each mode.
         every: corrected mode: time between the anchors that are scored [s].
         modes: the readings of the paper, side by side in the report.
         command: what the user called, for the run record.
     """
 
-    training: TrainingSpec
+    ours: ForecasterSpec
+    paper: PaperSpec
     every: float = 1.0
     modes: tuple[Mode, ...] = tuple(Mode)
     command: str = "rampcast.paper.reproduce.reproduce"
+
+
+DEMO = Protocol(
+    ours=ForecasterSpec(
+        spacing=10.0, scene=PlatoonForecasterSpec(samples=50, folds=4, correction=CorrectionSpec(trees=60))
+    ),
+    paper=PaperSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=15),
+    every=5.0,
+)
 
 
 def reproduce(
@@ -103,25 +101,29 @@ def reproduce(
     Raises:
         RecordingError: a window is missing.
     """
-    out, tell = Path(out), progress or _silent
+    out, tell = Path(out), progress or tell_nobody
     started = time.perf_counter()
     recording = _smoothed(files, out, site, bad_rows, tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
     test = _window(recording, TEST_WINDOW)
-    forecasters, results = [], {}
+    results = []
     for mode in protocol.modes:
-        forecasters.append(_trained(training, out / "models" / mode, mode, protocol.training, tell))
+        forecasters: list[RecordingForecaster] = [_paper(training, out / "models" / mode, mode, protocol.paper, tell)]
+        if mode is Mode.CORRECTED:
+            forecasters.insert(0, _ours(training, out / "models", protocol.ours, tell))
         tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
-        results[mode] = evaluate(forecasters[-1], test, every=protocol.every, seed=protocol.training.seed)
+        results.append(evaluate(forecasters, test, every=protocol.every, seed=protocol.paper.seed))
         tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
     tables, counts = _side_by_side(results, test)
     run = _run_record(
-        forecasters,
+        training.names,
+        recording_hash(training),
         test,
         counts,
+        training={"rampcast": asdict(protocol.ours), "paper": asdict(protocol.paper)},
         command=protocol.command,
         every=protocol.every,
-        seed=protocol.training.seed,
+        seed=protocol.paper.seed,
         seconds=time.perf_counter() - started,
     )
     tell("report", 0, 1)
@@ -170,15 +172,17 @@ def paper_values() -> dict[str, Any]:
 
 
 def score(
-    forecaster: Forecaster, recording: Recording, out: Path, *, every: float, seed: int, command: str
+    forecaster: RecordingForecaster, recording: Recording, out: Path, *, every: float, seed: int, command: str
 ) -> tuple[Evaluation, Path]:
     """Scores a forecaster on a smoothed recording; writes tables, figures and report.html; returns scores and page."""
     started = time.perf_counter()
-    result = evaluate(forecaster, recording, every=every, seed=seed)
+    result = evaluate([forecaster], recording, every=every, seed=seed)
     run = _run_record(
-        [forecaster],
+        forecaster.trained_on,
+        forecaster.data_hash,
         recording,
         run_counts(recording, result.scenes),
+        training={"seed": seed},
         command=command,
         every=every,
         seed=seed,
@@ -205,14 +209,11 @@ def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: Bad
     return recording
 
 
-def _side_by_side(results: dict[Mode, Evaluation], test: Recording) -> tuple[dict[str, pl.DataFrame], dict[str, int]]:
+def _side_by_side(results: Sequence[Evaluation], test: Recording) -> tuple[dict[str, pl.DataFrame], dict[str, int]]:
     """Returns the tables of all modes one below the other, and the counts of each."""
-    names = next(iter(results.values())).tables
-    tables = {name: pl.concat([result.tables[name] for result in results.values()]) for name in names}
+    tables = {name: pl.concat([result.tables[name] for result in results]) for name in results[0].tables}
     counts = {
-        f"{mode} mode: {name}": n
-        for mode, result in results.items()
-        for name, n in run_counts(test, result.scenes).items()
+        f"{result.mode} mode: {name}": n for result in results for name, n in run_counts(test, result.scenes).items()
     }
     return tables, counts
 
@@ -228,13 +229,20 @@ def _window(recording: Recording, number: str) -> Recording:
     return recording.window(name)
 
 
-def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec, tell: Progress) -> Forecaster:
-    inputs = {
-        "data": recording_hash(recording),
-        "site": site_to_dict(recording.site),
-        "mode": mode,
-        "spec": asdict(spec),
-    }
+def _ours(recording: Recording, models: Path, spec: ForecasterSpec, tell: Progress) -> Forecaster:
+    return _kept(
+        models,
+        "rampcast",
+        _inputs(recording, spec),
+        models / "rampcast",
+        lambda: fit(recording, spec=spec, progress=tell),
+        save_ours,
+        load_ours,
+    )
+
+
+def _paper(recording: Recording, folder: Path, mode: Mode, spec: PaperSpec, tell: Progress) -> PaperForecaster:
+    inputs = [mode, _inputs(recording, spec)]
     parts = folder.with_name(f"{folder.name}-parts")
 
     def lstm(lane: str) -> NeighbourLstm:
@@ -253,20 +261,14 @@ def _trained(recording: Recording, folder: Path, mode: Mode, spec: TrainingSpec,
         save_forests,
         load_forests,
     )
-    scene = None
-    if mode is Mode.CORRECTED:
-        scene = _kept(
-            parts,
-            "scene",
-            inputs,
-            parts / "scene.npz",
-            lambda: fit_scenes(recording, spec=spec, progress=tell),
-            save_scene,
-            load_scene,
-        )
-    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests, scene=scene)
+    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
     save(forecaster, folder)
     return forecaster
+
+
+def _inputs(recording: Recording, spec: ForecasterSpec | PaperSpec) -> dict[str, Any]:
+    """Returns all that a trained part depends on."""
+    return {"data": recording_hash(recording), "site": site_to_dict(recording.site), "spec": asdict(spec)}
 
 
 def _kept(
@@ -293,27 +295,28 @@ def _kept(
 
 
 def _run_record(
-    forecasters: Sequence[Forecaster],
+    trained_on: Sequence[str],
+    data_hash: str,
     test: Recording,
     counts: dict[str, int],
     *,
+    training: dict[str, Any],
     command: str,
     every: float,
     seed: int,
     seconds: float,
 ) -> dict[str, Any]:
-    first = forecasters[0]
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": command,
         "seed": seed,
-        "data_hash": first.data_hash,
+        "data_hash": data_hash,
         "test_data_hash": recording_hash(test),
         "source": test.source,
         "versions": {"rampcast": __version__} | versions(),
-        "trained_on": list(first.trained_on),
+        "trained_on": list(trained_on),
         "tested_on": test.names,
-        "training": asdict(first.training),
+        "training": training,
         "every": every,
         "counts": counts,
         "timings": {"this run [s]": round(seconds, 1)},
@@ -327,7 +330,3 @@ def _written(tables: dict[str, pl.DataFrame], run: dict[str, Any], site: Site, o
     with write_whole(out / "run.json") as partial:
         partial.write_text(json.dumps(run, indent=2), encoding="utf-8")
     return write_report(tables, site=site, run=run, paper=paper_values(), out=out)
-
-
-def _silent(what: str, done: int, total: int) -> None:
-    """Tells nobody."""

@@ -127,7 +127,7 @@ def merge_densities(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
 
 def _main(table: pl.DataFrame) -> str:
     """Returns the model whose bands are drawn: rampcast, or the first that gives some."""
-    known = style.models_in_order(table.drop_nulls("x_q05")["model"].unique().to_list())
+    known = style.in_order(table.drop_nulls("x_q05")["model"].unique().to_list())
     return OWN if OWN in known else next(iter(known), OWN)
 
 

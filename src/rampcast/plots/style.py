@@ -3,8 +3,8 @@
 Figures are made with matplotlib's object interface; pyplot and its global state are never touched.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -15,17 +15,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rampcast.errors import RampcastError
-
-# Source: Okabe and Ito (2008), "Color universal design"; its yellow is left out, too pale for lines on white.
-BLACK = "#000000"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILLION = "#D55E00"
-PURPLE = "#CC79A7"
-GREY = "#767676"
-INDIGO = "#4B2E83"  # darker than all of the palette: told from it by lightness too
+from rampcast.forecasters import FORECASTERS
+from rampcast.forecasters import in_order as in_order
+from rampcast.forecasters import label as label
+from rampcast.looks import BLACK as BLACK
+from rampcast.looks import BLUE as BLUE
+from rampcast.looks import GREEN as GREEN
+from rampcast.looks import GREY as GREY
+from rampcast.looks import INDIGO as INDIGO
+from rampcast.looks import ORANGE as ORANGE
+from rampcast.looks import PURPLE as PURPLE
+from rampcast.looks import SKY as SKY
+from rampcast.looks import VERMILLION as VERMILLION
+from rampcast.looks import Look as Look
 
 PANEL_WIDTH = 4.8  # [inch] two fit side by side on a page of 1,000 px, one fills a phone
 PANEL_HEIGHT = 2.75  # [inch] of the axes with their labels; title and legend come on top
@@ -65,38 +67,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-@dataclass(frozen=True)
-class Look:
-    """Colour, marker and dash pattern of one line; no two lines of a figure share all three."""
-
-    color: str
-    marker: str
-    dash: str | tuple[int, tuple[int, ...]] = "-"
-
-
-LOOKS = {
-    "rampcast": Look(INDIGO, "h", "-"),
-    "ghr": Look(VERMILLION, "o", "-"),
-    "gipps_paper": Look(GREEN, "s", "--"),
-    "idm": Look(BLUE, "^", "-."),
-    "gipps": Look(PURPLE, "D", (0, (5, 1, 1, 1, 1, 1))),
-    "lstm": Look(ORANGE, "v", ":"),
-    "lstm_alone": Look(ORANGE, "v", (0, (3, 1))),
-    "constant_velocity": Look(BLACK, "x", ":"),
-    "constant_speed_leader": Look(SKY, "P", (0, (6, 2))),
-}
-LABELS = {
-    "rampcast": "rampcast",
-    "ghr": "GHR",
-    "gipps_paper": "Gipps (paper)",
-    "idm": "IDM",
-    "gipps": "Gipps (1981)",
-    "lstm": "LSTM",
-    "lstm_alone": "LSTM alone",
-    "constant_velocity": "constant velocity",
-    "constant_speed_leader": "IDM, neighbours at constant speed",
-    "lstm_framework": "LSTM framework",
-}
 OTHER_LOOKS = tuple(
     Look(color, marker, dash)
     for marker, dash in (("<", (0, (1, 1))), (">", (0, (4, 2, 1, 2))), ("*", (0, (8, 2))), ("p", "--"))
@@ -132,32 +102,11 @@ def figure_of(ax: Axes) -> Figure:
     return figure
 
 
-def models_in_order(names: Sequence[str]) -> list[str]:
-    """Returns model names in the order in which every figure and table lists them."""
-    known = [name for name in LABELS if name in names]
-    return known + sorted(set(names) - set(known))
-
-
-def label(model: str) -> str:
-    """Returns what a reader sees for a model's name, e.g. "IDM, true leader" for "idm_true_leader"."""
-    if model in LABELS:
-        return LABELS[model]
-    for name in sorted(LABELS, key=len, reverse=True):
-        if model.startswith(f"{name}_"):
-            return f"{LABELS[name]}, {model[len(name) + 1 :].replace('_', ' ')}"
-    return model.replace("_", " ")
-
-
-def is_floor(model: pl.Expr) -> pl.Expr:
-    """Returns whether a model is told the leader's true future: a floor of the error, not a forecast."""
-    return model.str.contains("true_leader")
-
-
 def looks(names: Sequence[str]) -> dict[str, Look]:
-    """Returns the look of each model: its own, or the next free one for a model that is not in the list."""
-    unknown = [name for name in models_in_order(names) if name not in LOOKS]
-    extra = {name: OTHER_LOOKS[i % len(OTHER_LOOKS)] for i, name in enumerate(unknown)}
-    return {name: LOOKS.get(name) or extra[name] for name in models_in_order(names)}
+    """Returns the look of each model, in order: its own, or the next free one for a model that has none."""
+    free = itertools.cycle(OTHER_LOOKS)
+    own = {name: FORECASTERS[name].look if name in FORECASTERS else None for name in in_order(names)}
+    return {name: look or next(free) for name, look in own.items()}
 
 
 def require(table: pl.DataFrame, columns: Sequence[str], *, name: str) -> None:

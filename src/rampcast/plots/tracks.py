@@ -1,6 +1,5 @@
 """Pictures of single scenes and of whole lanes: position over time."""
 
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -16,8 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MultipleLocator
 
+from rampcast.forecasters import FORECASTERS
 from rampcast.plots import style
-from rampcast.plots.style import LABELS, LOOKS, OTHER_LOOKS, Look
+from rampcast.plots.style import Look
 
 TAN = "#8A6A00"  # the palette's orange, darkened: thin lines stay readable on white
 SLOT_LOOKS = {
@@ -176,15 +176,17 @@ def _draw_central(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
         ax.plot(t, x, color=style.BLACK, linewidth=2.4, zorder=4)
         yield Line2D([], [], color=style.BLACK, linewidth=2.4, label="central, observed")
     yield from _draw_band(ax, central.filter(pl.col("kind") == "band"))
-    others = iter(itertools.cycle(OTHER_LOOKS))
-    for series in central.filter(pl.col("kind") == "forecast")["series"].unique(maintain_order=True):
-        text = series.partition("(")[2].removesuffix(")") or series
-        name = next((name for name, known in LABELS.items() if text in (known, name)), "")
-        look = LOOKS[name] if name in LOOKS else next(others)
+    known = {text: name for name, entry in FORECASTERS.items() for text in (entry.label, name)}
+    drawn = central.filter(pl.col("kind") == "forecast")["series"].unique(maintain_order=True)
+    models = {series: series.partition("(")[2].removesuffix(")") or series for series in drawn}
+    models = {series: known.get(text, text) for series, text in models.items()}
+    looks = style.looks(list(models.values()))
+    for series, name in models.items():
+        look = looks[name]
         t, x = _broken(central.filter(pl.col("series") == series))
         shape: dict[str, Any] = {"color": look.color, "marker": look.marker, "linestyle": look.dash}
         ax.plot(t, x, **shape, markevery=10, zorder=5)
-        yield Line2D([], [], **shape, label=f"central, {LABELS.get(name, text)}")
+        yield Line2D([], [], **shape, label=f"central, {style.label(name)}")
 
 
 def _draw_band(ax: Axes, rows: pl.DataFrame) -> Iterator[Line2D]:

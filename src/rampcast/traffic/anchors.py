@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
-from rampcast.errors import RecordingError
+from rampcast.errors import RampcastError, RecordingError
 from rampcast.horizon import PAST, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -43,6 +43,19 @@ def need_ramp(recording: Recording) -> None:
         )
 
 
+def check_recording(value: object) -> None:
+    """Checks that something is a recording.
+
+    Raises:
+        RampcastError: it is something else.
+    """
+    if not isinstance(value, Recording):
+        raise RampcastError(
+            f"expected a Recording, got {type(value).__name__}; read it first, `recording, report = read_any(files)`, "
+            "and smooth it, `recording, report = clean(recording)`"
+        )
+
+
 def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray, "scene"]:
     """Returns the rows of the recording at which a vehicle on the ramp can be forecast.
 
@@ -53,9 +66,11 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
         every: time between anchors [s], a multiple of 0.2; anchors lie on one clock for all vehicles.
 
     Raises:
+        RampcastError: it is no recording.
         RecordingError: the recording is not smoothed, `every` is no multiple of 0.2 s, or no vehicle is on the ramp for
             4 s.
     """
+    check_recording(recording)
     if not recording.is_smoothed:
         raise RecordingError(
             "scenes need velocities: smooth the recording first, `recording, report = clean(recording)`"

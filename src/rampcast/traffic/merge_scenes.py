@@ -70,6 +70,10 @@ class MergeScenes:
             approach=self.approach[rows],
         )
 
+    def only_seen(self) -> "MergeScenes":
+        """Returns the scenes with nothing in them but what was seen: no model can then use what was not known."""
+        return replace(self, own=self.own.only_seen(), target=self.target.only_seen())
+
 
 def without_target(own: Platoons) -> MergeScenes:
     """Returns the scenes of vehicles that have no lane to merge into."""

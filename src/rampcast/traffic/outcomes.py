@@ -1,12 +1,58 @@
 """What became of vehicles after a moment: where they were seen, and when they changed lane."""
 
-import numpy as np
-from jaxtyping import Bool, Float, Int
+from dataclasses import dataclass
 
-from rampcast.horizon import STEP
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from rampcast.horizon import FUTURE, STEP
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
 from rampcast.sites import Site
-from rampcast.traffic.anchors import Rows, X, Y
-from rampcast.traffic.neighbours import NONE
+from rampcast.traffic.anchors import Rows, X, Y, rows_of
+from rampcast.traffic.neighbours import NONE, find_neighbours
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What became of vehicles after t = 0: for training and scores, never for a forecast.
+
+    Attributes:
+        displacement: front from its place at t = 0, at 0.2, 0.4 ... 15 s [m]; NaN where not seen.
+        leader_displacement: front of the leader that it has at t = 0, from the same place [m]; likewise.
+        change_time: time to the crossing of the lane line [s]; NaN where none was seen.
+        seen_for: time to its last row [s].
+        group: name of the vehicle, which begins with the number of its window.
+        t0: the moment in its window's clock [s].
+    """
+
+    displacement: Float[np.ndarray, "scene step"]
+    leader_displacement: Float[np.ndarray, "scene step"]
+    change_time: Float[np.ndarray, "scene"]
+    seen_for: Float[np.ndarray, "scene"]
+    group: Shaped[np.ndarray, "scene"]
+    t0: Float[np.ndarray, "scene"]
+
+
+def outcomes(recording: Recording, anchors: Int[np.ndarray, "scene"]) -> Outcomes:
+    """Returns what became of the vehicles at those rows of a smoothed recording."""
+    table = rows_of(recording)
+    leader = find_neighbours(recording, anchors)[:, 0]
+    rows, valid = follow(table, np.column_stack([anchors, leader]), np.arange(1, FUTURE + 1))
+    valid &= table.observed[rows]  # a filled frame is no truth
+    x = np.where(valid, table.state[rows, X] - table.state[anchors, X, None, None], np.nan)
+    _, crossing, seen_for = lane_change_times(recording.site, table, anchors)
+    window = {name: number for number, name in enumerate(recording.names, start=1)}
+    names = recording.tracks[c.RECORDING].gather(anchors).to_list()
+    vehicles = table.vehicle[anchors].tolist()
+    return Outcomes(
+        displacement=x[:, 0],
+        leader_displacement=x[:, 1],
+        change_time=crossing,
+        seen_for=seen_for,
+        group=np.array([f"{window[name]}-{vehicle}" for name, vehicle in zip(names, vehicles, strict=True)]),
+        t0=table.frame[anchors] * STEP,
+    )
 
 
 def follow(

@@ -65,6 +65,18 @@ class Platoons:
         """Returns the platoons at those rows (a mask or positions)."""
         return Platoons(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
+    def only_seen(self) -> "Platoons":
+        """Returns the platoons with nothing in them but what was seen."""
+        seen, present = self.valid, self.present
+        return replace(
+            self,
+            x=np.where(seen, self.x, np.nan),
+            v=np.where(seen, self.v, np.nan),
+            a=np.where(seen, self.a, np.nan),
+            length=np.where(present, self.length, np.nan),
+            kind=np.where(present, self.kind, CAR),
+        )
+
 
 @dataclass(frozen=True)
 class Tracks:

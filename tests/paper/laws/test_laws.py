@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from rampcast.forecasters import label, positions
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 
@@ -14,13 +15,14 @@ EVERY_LAW = pytest.mark.parametrize("law", list(LAWS.values()), ids=list(LAWS))
 
 
 def test_laws_are_known_by_name_and_the_papers_gipps_is_told_from_gipps_own():
-    assert {name: law.label for name, law in LAWS.items()} == {
+    assert {name: label(name) for name in LAWS} == {
         "idm": "IDM",
         "gipps_paper": "Gipps (paper)",
         "ghr": "GHR",
         "gipps": "Gipps (1981)",
     }
     assert all(law.name == name for name, law in LAWS.items())
+    assert set(LAWS) <= set(positions())
 
 
 @EVERY_LAW

@@ -9,12 +9,13 @@ import pytest
 from rampcast.errors import RecordingError
 from rampcast.horizon import FUTURE, PAST, STEP
 from rampcast.paper.neighbours.windows import training_windows
-from rampcast.paper.scenes import SLOTS, build_neighbour_scenes_at, build_scenes
+from rampcast.paper.scenes import SLOTS, build_scenes
 from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_FOLLOWER_1, TARGET_LEADER_1
 from rampcast.recording import clean
 from rampcast.traffic import find_anchors
 from rampcast.traffic.anchors import FEATURES, X
-from rampcast.traffic.merge_scenes import BEHIND
+from rampcast.traffic.merge_scenes import BEHIND, build_merge_scenes
+from rampcast.traffic.outcomes import outcomes
 from tests.made_up_traffic import SITE, random_traffic
 
 
@@ -71,8 +72,8 @@ def test_unseen_future_is_nan_and_unseen_past_goes_back_at_constant_velocity(sce
         np.testing.assert_allclose(np.diff(x[: first + 1]), v[first] * STEP, atol=1e-9)
 
 
-def test_the_traffic_around_begins_with_the_neighbours(scenes):
-    around = scenes.around
+def test_the_traffic_around_begins_with_the_neighbours(recording, scenes):
+    around = build_merge_scenes(recording, find_anchors(recording, every=1.0))
     assert len(around) == len(scenes)
     assert around.may_merge.all()
     np.testing.assert_array_equal(around.own.x[:, 0, -1], scenes.past[:, CENTRAL, -1, X])
@@ -87,19 +88,16 @@ def test_the_traffic_around_begins_with_the_neighbours(scenes):
         np.testing.assert_array_equal(platoons.x[there, place, -1], scenes.past[there, slot, -1, X])
 
 
-def test_chosen_scenes_keep_their_traffic_around(scenes):
-    for rows in (np.array([5, 2]), scenes.lane == 7):
-        np.testing.assert_array_equal(scenes.select(rows).around.own.x, scenes.around.own.x[rows])
-        np.testing.assert_array_equal(scenes.select(rows).around.to_end, scenes.around.to_end[rows])
-
-
-def test_scenes_of_neighbours_are_the_same_without_traffic_around_and_future(recording, scenes):
-    few = build_neighbour_scenes_at(recording, find_anchors(recording, every=1.0))
-    assert few.around is None
-    assert few.select(np.arange(3)).around is None
-    assert few.future.shape[2] == 0
-    for name in ("vehicle", "t0", "past", "role_past", "change_crossing", "seen_for"):
-        np.testing.assert_array_equal(getattr(few, name), getattr(scenes, name))
+def test_outcomes_are_what_the_scenes_hold_of_the_future(recording, scenes):
+    became = outcomes(recording, find_anchors(recording, every=1.0))
+    start = scenes.past[:, CENTRAL, -1, X, None]
+    for found, slot in ((became.displacement, CENTRAL), (became.leader_displacement, LEADER)):
+        seen = scenes.future_valid[:, slot]
+        np.testing.assert_array_equal(np.isfinite(found), seen)
+        np.testing.assert_array_equal(found[seen], (scenes.future[:, slot, :, X] - start)[seen])
+    for name, field in (("change_time", "change_crossing"), ("seen_for", "seen_for"), ("t0", "t0")):
+        np.testing.assert_array_equal(getattr(became, name), getattr(scenes, field))
+    assert became.group.tolist() == [f"1-{vehicle}" for vehicle in scenes.vehicle[:, CENTRAL]]
 
 
 def test_missing_neighbours_stand_where_the_paper_puts_them(scenes):
@@ -173,10 +171,10 @@ def test_the_future_of_the_recording_does_not_reach_the_past_of_a_scene(recordin
         "role_length",
     ):
         np.testing.assert_array_equal(getattr(same, name), getattr(cut_scenes, name))
-    for platoons, cut_platoons in (
-        (same.around.own, cut_scenes.around.own),
-        (same.around.target, cut_scenes.around.target),
-    ):
+    kept = np.isin(find_anchors(recording, every=0.2), np.flatnonzero(recording.tracks["frame"] <= cut))
+    around = build_merge_scenes(recording, find_anchors(recording, every=0.2)).select(kept)
+    cut_around = build_merge_scenes(early, find_anchors(early, every=0.2))
+    for platoons, cut_platoons in ((around.own, cut_around.own), (around.target, cut_around.target)):
         for name in ("x", "v", "a", "valid", "length", "kind"):
             np.testing.assert_array_equal(getattr(platoons, name), getattr(cut_platoons, name))
 

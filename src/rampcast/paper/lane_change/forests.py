@@ -14,9 +14,10 @@ import polars as pl
 from jaxtyping import Float, Int
 
 from rampcast.errors import ModelError
+from rampcast.forecast.tables import TIMES
 from rampcast.models.trees import Forests, Tree, classification_tree, joined, leaf
 from rampcast.paper.lane_change.features import FEATURE_NAMES, GROUPINGS
-from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, SampleSet, Sampling, sample_set
+from rampcast.paper.lane_change.sets import KINDS, Anchors, Reading, SampleSet, Sampling, sample_set
 from rampcast.paper.laws.mode import Mode
 
 Progress = Callable[[int, int], None]  # classifiers trained, classifiers in all

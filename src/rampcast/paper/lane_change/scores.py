@@ -10,8 +10,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float
 
+from rampcast.forecast.tables import TIMES
 from rampcast.paper.lane_change.forests import LaneChangeForests, predict
-from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, SampleSet, Sampling, sample_set
+from rampcast.paper.lane_change.sets import KINDS, Anchors, SampleSet, Sampling, sample_set
 from rampcast.paper.laws.mode import Mode
 
 FORESTS: Final = "forests"

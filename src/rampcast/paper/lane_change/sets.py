@@ -22,7 +22,6 @@ from rampcast.paper.lane_change.features import lane_change_features
 from rampcast.paper.scenes.scenes import CENTRAL, Scenes
 
 KINDS: Final = ("within", "at")
-TIMES: Final = tuple(range(16))  # [s]; 0 to 15, for 32 classifiers (the paper also says 0 to 16)
 
 
 class Reading(StrEnum):

@@ -19,7 +19,6 @@ class Law:
 
     Attributes:
         name: its key in `LAWS`.
-        label: its name in tables and figures.
         parameters: the record that its functions take; the order of its fields is that of the param axis.
         acceleration: (parameters, *, speed, leader_speed, gap) -> acceleration [m/s^2].
         limits: parameters -> lowest and highest acceleration of a roll-out [m/s^2].
@@ -32,7 +31,6 @@ class Law:
     """
 
     name: str
-    label: str
     parameters: Callable[..., Any]
     acceleration: Callable[..., Array]
     limits: Callable[[Any], tuple[Array, Array]]
@@ -54,7 +52,6 @@ class Law:
 _TABLE = (
     Law(
         "idm",
-        "IDM",
         idm.Parameters,
         idm.acceleration,
         idm.limits,
@@ -65,7 +62,6 @@ _TABLE = (
     ),
     Law(
         "gipps_paper",
-        "Gipps (paper)",
         ghr_no_speed.Parameters,
         ghr_no_speed.acceleration,
         ghr_no_speed.limits,
@@ -76,7 +72,6 @@ _TABLE = (
     ),
     Law(
         "ghr",
-        "GHR",
         ghr.Parameters,
         ghr.acceleration,
         ghr.limits,
@@ -87,7 +82,6 @@ _TABLE = (
     ),
     Law(
         "gipps",
-        "Gipps (1981)",
         gipps.Parameters,
         gipps.acceleration,
         gipps.limits,

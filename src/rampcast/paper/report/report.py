@@ -233,7 +233,7 @@ def _findings(tables: Mapping[str, pl.DataFrame]) -> Iterator[str]:
     table = tables.get("longitudinal")
     if table is None:
         return
-    central = table.filter((pl.col("group") == "central") & ~style.is_floor(pl.col("model")))
+    central = table.filter(pl.col("group") == "central")
     central = central.filter(pl.col("mean_error").is_not_null() & pl.col("mean_error").is_not_nan())
     for mode in modes_of(central):
         parts = []

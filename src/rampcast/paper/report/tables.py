@@ -178,7 +178,7 @@ def error_table(longitudinal: pl.DataFrame | None, *, number: str) -> Table:
         number=number,
         title=title,
         caption="Share of the forecasts within 5 m and 10 m, and mean absolute error, of every model. The best of each "
-        "block and column is bold; a model that is told the leader's true future is a floor and takes no part. n is in "
+        "block and column is bold. n is in "
         "Figure A3 and in the csv file.",
         head=(
             (("", 3), *((f"{MODE_TITLES.get(mode, mode)}, time ahead [s]", len(HORIZONS)) for mode in modes)),
@@ -199,7 +199,7 @@ def outcome_table(outcomes: pl.DataFrame | None, *, number: str) -> Table:
     style.require(outcomes, ["mode", "law", "outcome", "n"], name="outcomes")
     modes, names = modes_of(outcomes), outcomes["outcome"].unique(maintain_order=True).to_list()
     rows = []
-    for law in style.models_in_order(outcomes["law"].unique().to_list()):
+    for law in style.in_order(outcomes["law"].unique().to_list()):
         cells = []
         for mode in modes:
             part = outcomes.filter((pl.col("mode") == mode) & (pl.col("law") == law))
@@ -338,16 +338,15 @@ def _error_block(
     """Returns the rows of one group and measure, and which of their numbers are the best of their column."""
     column, text, scale, digits = measure
     part = longitudinal.filter(pl.col("group") == group)
-    models = style.models_in_order(part["model"].unique().to_list())
-    real = set(part.filter(~style.is_floor(pl.col("model")))["model"])
+    models = style.in_order(part["model"].unique().to_list())
     cases = list(itertools.product(modes, HORIZONS))
     values = {model: [_at(part, mode, model, horizon, column) for mode, horizon in cases] for model in models}
     shown = {model: _texts(values[model], scale, digits) for model in models}
     best: dict[int, str] = {}
     for j in range(len(cases)):
-        known = {values[model][j]: shown[model][j] for model in real if shown[model][j] != NONE}
+        known = {values[model][j]: shown[model][j] for model in models if shown[model][j] != NONE}
         if len(set(known.values())) > 1:
             best[j] = known[(min if column == "mean_error" else max)(known)]  # type: ignore[type-var]
     rows = [(group.replace("_", " "), text, style.label(model), *shown[model]) for model in models]
-    flags = [[model in real and best.get(j) == shown[model][j] for j in range(len(cases))] for model in models]
+    flags = [[best.get(j) == shown[model][j] for j in range(len(cases))] for model in models]
     return rows, flags

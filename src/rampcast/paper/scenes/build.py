@@ -1,7 +1,5 @@
 """Builds scenes from a smoothed recording: anchors, neighbours, past, future, lane-change times."""
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -11,7 +9,6 @@ from rampcast.paper.scenes.stand_ins import fill_past, fill_role_past, stand_ins
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.traffic.anchors import Rows, find_anchors, ramp_rows, rows_of
-from rampcast.traffic.merge_scenes import build_merge_scenes
 from rampcast.traffic.neighbours import NONE, find_neighbours
 from rampcast.traffic.outcomes import follow, lane_change_times
 
@@ -33,27 +30,9 @@ def build_scenes(recording: Recording, *, every: float = 1.0, future: int = FUTU
 
 def build_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"], *, future: int = FUTURE) -> Scenes:
     """Returns the scenes at those rows of the recording, which `find_anchors` gave."""
-    scenes = _assemble(recording, rows_of(recording), ramp_rows(recording), anchors, future)
-    return replace(scenes, around=build_merge_scenes(recording, anchors))
-
-
-def build_neighbour_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"]) -> Scenes:
-    """Returns the scenes at those rows with the six neighbours alone: no traffic around them, and no future.
-
-    Lane-change forests need no more, and are trained on very many scenes.
-    """
-    return _assemble(recording, rows_of(recording), ramp_rows(recording), anchors, 0)
-
-
-def _assemble(
-    recording: Recording,
-    table: Rows,
-    ramp_rows: Int[np.ndarray, "ramp"],
-    anchors: Int[np.ndarray, "scene"],
-    future: int,
-) -> Scenes:
+    table, of_ramp = rows_of(recording), ramp_rows(recording)
     neighbours = np.full((len(table.frame), 6), NONE)
-    neighbours[ramp_rows] = find_neighbours(recording, ramp_rows)
+    neighbours[of_ramp] = find_neighbours(recording, of_ramp)
     filled = np.concatenate([anchors[:, None], neighbours[anchors]], axis=1)
     virtual = filled == NONE
     standing = stand_ins(recording.site, table.lane[anchors])

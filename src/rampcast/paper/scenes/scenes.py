@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from rampcast.sites import Site
-from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.neighbours import NEIGHBOURS
 
 SLOTS = ("central", *NEIGHBOURS)
@@ -40,8 +39,6 @@ class Scenes:
         change_label: time from t = 0 to the change of lane label [s]; NaN if none was seen.
         change_crossing: time from t = 0 to the crossing of the lane line [s]; NaN if none was seen.
         seen_for: time from t = 0 to the last row of the central vehicle [s] (censoring).
-        around: the central vehicle and the traffic farther downstream, in its lane and in the target lane; None in
-            scenes for models that do not look at it.
     """
 
     site: Site
@@ -61,12 +58,11 @@ class Scenes:
     change_label: Float[np.ndarray, "scene"]
     change_crossing: Float[np.ndarray, "scene"]
     seen_for: Float[np.ndarray, "scene"]
-    around: MergeScenes | None = None
 
     def __len__(self) -> int:
         return len(self.t0)
 
     def select(self, rows: Shaped[np.ndarray, "row"]) -> "Scenes":
         """Returns the scenes at those rows (a mask or positions)."""
-        arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in ("site", "around")}
-        return replace(self, **arrays, around=None if self.around is None else self.around.select(rows))
+        arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "site"}
+        return replace(self, **arrays)

@@ -9,8 +9,6 @@ from rampcast.horizon import PAST, STEP
 from rampcast.paper.scenes.scenes import SLOTS, Scenes
 from rampcast.sites import Site
 from rampcast.traffic.anchors import FEATURES, A, U, V, X, Y
-from rampcast.traffic.merge_scenes import MergeScenes
-from rampcast.traffic.platoons import CAR, Platoons
 
 VIRTUAL_AHEAD = 500.0  # [m] x of a missing target-lane leader; the paper, section "Data Set"
 VIRTUAL_BEHIND = -500.0  # [m] x of a missing follower; likewise
@@ -73,22 +71,4 @@ def with_stand_ins(scenes: Scenes) -> Scenes:
         change_label=np.full(len(scenes), np.nan),
         change_crossing=np.full(len(scenes), np.nan),
         seen_for=np.zeros(len(scenes)),
-        around=None if scenes.around is None else only_seen_around(scenes.around),
-    )
-
-
-def only_seen_around(scenes: MergeScenes) -> MergeScenes:
-    """Returns merge scenes with nothing in them but what was seen."""
-    return replace(scenes, own=_only_seen(scenes.own), target=_only_seen(scenes.target))
-
-
-def _only_seen(platoons: Platoons) -> Platoons:
-    seen, present = platoons.valid, platoons.present
-    return replace(
-        platoons,
-        x=np.where(seen, platoons.x, np.nan),
-        v=np.where(seen, platoons.v, np.nan),
-        a=np.where(seen, platoons.a, np.nan),
-        length=np.where(present, platoons.length, np.nan),
-        kind=np.where(present, platoons.kind, CAR),
     )
