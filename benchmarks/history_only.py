@@ -6,16 +6,18 @@ cut off at each anchor and smoothed again, as a program on the road would have t
 """
 
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import polars as pl
 
+from rampcast.forecasters import positions
 from rampcast.horizon import FUTURE, STEP
 from rampcast.paper.errors import central_errors
+from rampcast.paper.inputs import Inputs
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.predict import continue_at_constant_speed
-from rampcast.paper.position_models import MODELS, Inputs, calibrate_scenes
 from rampcast.paper.scenes import Scenes, build_scenes
 from rampcast.recording import Recording, clean, read_recording
 from rampcast.simulate import shipped_sample
@@ -54,10 +56,9 @@ def cut_off(raw: Recording, moment: int) -> Scenes | None:
 
 
 def join(parts: list[Scenes]) -> Scenes:
-    """Returns the scenes of all parts as one; the traffic around, which the laws do not look at, is left out."""
-    names = [field.name for field in fields(Scenes) if field.name not in ("site", "around")]
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return replace(parts[0], around=None, **joined)
+    """Returns the scenes of all parts as one."""
+    names = [field.name for field in fields(Scenes) if field.name != "site"]
+    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def keys(scenes: Scenes) -> list[tuple[int, int]]:
@@ -67,10 +68,13 @@ def keys(scenes: Scenes) -> list[tuple[int, int]]:
 
 def forecasts(scenes: Scenes) -> dict[str, np.ndarray]:
     """Returns what the models without an LSTM forecast."""
-    calibrations = {name: calibrate_scenes(law, scenes, Mode.CORRECTED) for name, law in LAWS.items()}
-    predicted = continue_at_constant_speed(scenes, steps=FUTURE)
-    inputs = Inputs(scenes=scenes, mode=Mode.CORRECTED, predicted=predicted, calibrations=calibrations, scene=None)
-    return {name: MODELS[name].predict(inputs) for name in ("constant_velocity", *LAWS)}
+
+    def no_lane_changes():
+        raise NotImplementedError("no model here asks for lane changes")
+
+    neighbours = partial(continue_at_constant_speed, scenes, steps=FUTURE)
+    inputs = Inputs(scenes, Mode.CORRECTED, FUTURE, neighbours, no_lane_changes)
+    return {name: positions()[name](inputs) for name in ("constant_velocity", *LAWS)}
 
 
 if __name__ == "__main__":

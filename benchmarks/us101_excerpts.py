@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from rampcast.forecast.forecaster import fit
+from rampcast.forecasters import label
 from rampcast.formats import read_any
-from rampcast.paper.errors import central_errors, model_labels, neighbour_errors
-from rampcast.paper.framework import TrainingSpec, fit_forecaster
+from rampcast.paper.errors import central_errors, neighbour_errors
+from rampcast.paper.framework import PaperSpec, fit_paper
 from rampcast.paper.lane_change.scores import lane_change_table
 from rampcast.paper.lane_change.sets import Reading, lane_change_anchors
 from rampcast.paper.laws.mode import Mode
@@ -49,18 +51,20 @@ def main() -> None:
 
 
 def scores(smoothed: Recording, mode: Mode, epochs: int) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Returns position errors and lane-change scores of one mode over both halves."""
-    spec = TrainingSpec(lstm=LstmSpec(epochs=epochs))
+    """Returns position errors and lane-change scores of one mode over both halves, ours beside corrected mode."""
+    spec = PaperSpec(lstm=LstmSpec(epochs=epochs))
     parts, lane_changes = [], []
     for half in (0, 1):
-        forecaster = fit_forecaster(half_of(smoothed, 1 - half), mode=mode, spec=spec)
-        scenes = build_scenes(half_of(smoothed, half), every=EVERY)
-        parts.append((scenes, forecaster.predict(scenes)))
-        anchors = lane_change_anchors(build_scenes(half_of(smoothed, half), every=EVERY, future=0), Reading.CROSSING)
+        training, test = half_of(smoothed, 1 - half), half_of(smoothed, half)
+        forecaster = fit_paper(training, mode=mode, spec=spec)
+        forecast = forecaster.predict(test, every=EVERY)
+        ours = fit(training).predict(test, every=EVERY).x if mode is Mode.CORRECTED else {}
+        parts.append((build_scenes(test, every=EVERY), ours | forecast.x, forecast.neighbours))
+        anchors = lane_change_anchors(build_scenes(test, every=EVERY, future=0), Reading.CROSSING)
         lane_changes.append(lane_change_table(forecaster.forests, anchors, seed=1).with_columns(half=half))
-    scenes = joined([scenes for scenes, _ in parts])
-    forecasts = {name: np.concatenate([f.x[name] for _, f in parts]) for name in parts[0][1].x}
-    neighbours = [f.neighbours for _, f in parts]
+    scenes = joined([scenes for scenes, _, _ in parts])
+    forecasts = {name: np.concatenate([x[name] for _, x, _ in parts]) for name in parts[0][1]}
+    neighbours = [predicted for _, _, predicted in parts]
     both = NeighbourForecast(*(np.concatenate([getattr(n, key) for n in neighbours]) for key in ("x", "v")))
     print(f"{mode} mode: {len(scenes)} scenes of {len(np.unique(scenes.vehicle[:, 0]))} on-ramp vehicles")
     longitudinal = pl.concat([central_errors(scenes, forecasts), neighbour_errors(scenes, both)])
@@ -86,13 +90,12 @@ def joined(parts: list[Scenes]) -> Scenes:
 
 def show(longitudinal: pl.DataFrame) -> None:
     """Prints mean error (share within 5 m / 10 m) for each model, and how many scenes each horizon has."""
-    labels = model_labels()
     print("mean absolute error [m] (share within 5 m / within 10 m [%])")
     print(f"{'mode':<10} {'vehicles':<17} {'model':<34}" + "".join(f"{h:>14.0f} s" for h in HORIZONS))
     for (mode, group, model), rows in longitudinal.group_by("mode", "group", "model", maintain_order=True):
         by = {row["horizon"]: row for row in rows.iter_rows(named=True)}
         cells = "".join(f"{cell(by[h]):>16}" for h in HORIZONS)
-        print(f"{mode:<10} {group:<17} {labels[model]:<34}{cells}")
+        print(f"{mode:<10} {group:<17} {label(model):<34}{cells}")
     first = longitudinal.filter(pl.col("model") == "ghr").head(15)
     print("n:", dict(zip(first["horizon"], first["n"], strict=True)))
 

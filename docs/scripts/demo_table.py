@@ -11,7 +11,7 @@ from pathlib import Path
 
 import polars as pl
 
-from rampcast.paper.errors import model_labels
+from rampcast.forecasters import label as label_of
 
 ROOT = Path(__file__).parents[2]
 HORIZONS = (1, 3, 5, 8, 10, 15)  # [s]
@@ -45,7 +45,7 @@ def error_table(errors: pl.DataFrame, *, mode: str, value: str) -> str:
         "|---|" + "---:|" * len(HORIZONS),
     ]
     for (group, model), own in rows.group_by("group", "model", maintain_order=True):
-        label = model_labels()[str(model)] + GROUPS[str(group)]
+        label = label_of(str(model)) + GROUPS[str(group)]
         cells = _at_horizons(own, value)
         lines.append(f"| {label} | " + " | ".join("–" if c is None else form.format(scale * c) for c in cells) + " |")
     counts = _at_horizons(rows.filter(pl.col("group") == "central", pl.col("model") == "idm"), "n")

@@ -9,7 +9,9 @@ from rampcast.errors import ModelError
 from rampcast.forecasters import FORECASTERS, positions
 from rampcast.horizon import FUTURE
 from rampcast.paper.laws.mode import Mode
+from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.traffic.anchors import X
+from tests.test_forecasters import STANDING, STANDING_ENTRY
 
 pytestmark = pytest.mark.slow
 
@@ -144,3 +146,10 @@ def test_who_asks_for_one_model_gets_that_and_nothing_else_is_run(forecaster, fo
     assert list(alone.calibrations) == ["idm"]
     np.testing.assert_array_equal(alone.x["constant_speed_leader"], forecast.x["constant_speed_leader"])
     np.testing.assert_array_equal(alone.p_within, forecast.p_within)  # made when it is looked at
+
+
+def test_one_line_more_in_the_table_is_a_model_more(forecaster, scenes, monkeypatch):
+    monkeypatch.setitem(FORECASTERS, STANDING, STANDING_ENTRY)
+    found = forecaster.predict_scenes(scenes)
+    assert tuple(found.x)[-1] == STANDING
+    np.testing.assert_array_equal(found.x[STANDING][:, -1], scenes.past[:, CENTRAL, -1, X])

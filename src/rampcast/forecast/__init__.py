@@ -1,1 +1,5 @@
 """Forecasts: all vehicles around driven into the future together."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Int
@@ -18,6 +19,7 @@ from rampcast.paper.lane_change.forests import SPECS, LaneChangeForests
 from rampcast.paper.lane_change.sets import Reading, lane_change_anchors
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
+from rampcast.paper.neighbours.predict import predict_neighbours
 from rampcast.paper.neighbours.windows import training_windows
 from rampcast.paper.scenes import build_scenes_at
 from rampcast.paper.scenes.scenes import Scenes
@@ -118,7 +120,14 @@ class PaperForecaster:
         models = tuple(known) if models is None else models
         if unknown := [name for name in models if name not in known]:
             raise ModelError(f"unknown models {unknown}; there are {', '.join(known)}")
-        inputs = Inputs(with_stand_ins(scenes), self.mode, self.ramp, self.target, self.forests, steps)
+        scenes = with_stand_ins(scenes)
+        inputs = Inputs(
+            scenes,
+            self.mode,
+            steps,
+            partial(predict_neighbours, scenes, ramp=self.ramp, target=self.target, steps=steps),
+            lambda: lane_change.predict(self.forests, lane_change_anchors(scenes, Reading.LABEL).features),
+        )
         return PaperForecast({name: known[name](inputs) for name in models}, inputs)
 
 

@@ -1,5 +1,6 @@
 """What the paper's models are given: scenes at once, and all else when the first model asks for it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,14 +9,10 @@ from jaxtyping import Float
 
 from rampcast.compute import computing
 from rampcast.paper.calibration.calibration import Calibration, calibrate
-from rampcast.paper.lane_change import forests
-from rampcast.paper.lane_change.forests import LaneChangeForests
-from rampcast.paper.lane_change.sets import Reading, lane_change_anchors
 from rampcast.paper.laws.laws import LAWS, Law
 from rampcast.paper.laws.leader import Vehicle, actual_leader, gap_to
 from rampcast.paper.laws.mode import Mode
-from rampcast.paper.neighbours.lstm import NeighbourLstm
-from rampcast.paper.neighbours.predict import NeighbourForecast, predict_neighbours
+from rampcast.paper.neighbours.predict import NeighbourForecast
 from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_SLOTS, Scenes
 from rampcast.traffic.anchors import A, V, X
 
@@ -27,29 +24,28 @@ class Inputs:
     Attributes:
         scenes: without their futures.
         mode: which reading of the paper.
-        ramp, target: the neighbour models of the two lanes.
-        forests: the lane-change classifiers.
         steps: how many steps of 0.2 s to forecast.
+        predict_neighbours: gives `predicted`.
+        predict_lane_changes: gives `lane_changes`.
         calibrations: the drivers fitted to the history so far, by name of the car-following law; see `calibration`.
     """
 
     scenes: Scenes
     mode: Mode
-    ramp: NeighbourLstm
-    target: NeighbourLstm
-    forests: LaneChangeForests
     steps: int
+    predict_neighbours: Callable[[], NeighbourForecast]
+    predict_lane_changes: Callable[[], tuple[Float[np.ndarray, "scene 16"], Float[np.ndarray, "scene 16"]]]
     calibrations: dict[str, Calibration] = field(default_factory=dict)
 
     @cached_property
     def predicted(self) -> NeighbourForecast:
         """Returns the neighbours as the neighbour models see them, from t = 0 on."""
-        return predict_neighbours(self.scenes, ramp=self.ramp, target=self.target, steps=self.steps)
+        return self.predict_neighbours()
 
     @cached_property
     def lane_changes(self) -> tuple[Float[np.ndarray, "scene 16"], Float[np.ndarray, "scene 16"]]:
         """Returns the probabilities of a lane change within, and at, 0, 1 ... 15 s, by the forests."""
-        return forests.predict(self.forests, lane_change_anchors(self.scenes, Reading.LABEL).features)
+        return self.predict_lane_changes()
 
     def calibration(self, law: str) -> Calibration:
         """Returns the drivers fitted to the history, by name of the car-following law."""

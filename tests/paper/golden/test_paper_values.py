@@ -11,8 +11,9 @@ import polars as pl
 import pytest
 
 from rampcast.doctor import inspect
+from rampcast.forecast.forecaster import ForecasterSpec
 from rampcast.formats import read_any
-from rampcast.paper.framework import TrainingSpec
+from rampcast.paper.framework import PaperSpec
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.reproduce import Protocol, find_files, reproduce
 from rampcast.sites import load_site
@@ -32,7 +33,7 @@ def files() -> list[Path]:
 @pytest.fixture(scope="module")
 def tables(files, tmp_path_factory) -> Path:
     out = Path(os.environ.get("RAMPCAST_I80_OUT") or tmp_path_factory.mktemp("i80"))
-    reproduce(files, out, protocol=Protocol(training=TrainingSpec()), site=load_site("i80"))
+    reproduce(files, out, protocol=Protocol(ours=ForecasterSpec(), paper=PaperSpec()), site=load_site("i80"))
     return out / "tables"
 
 
