@@ -221,7 +221,7 @@ def test_a_merge_that_was_not_seen_counts_nowhere() -> None:
 def test_reliability_of_merges_shows_models_base_rate_and_cases_per_bin() -> None:
     bins = merge_reliability(made_up_merges()).filter(pl.col("t") == 10)
     ax = reliability_of_merges(bins)
-    assert legend_labels(ax) == ["rampcast", "forests (paper)", "base rate"]
+    assert legend_labels(ax) == ["rampcast", "base rate", "forests"]
     strip = ax.get_figure(root=True).axes[-1]
     assert _labels(strip) == ("forecast: merged within 10 s [%]", "cases")
     assert_readable(ax)
@@ -233,7 +233,7 @@ def test_the_error_over_the_horizon_leaves_out_few_cases_and_missing_numbers() -
     unknown = pl.when(pl.col("model") == "oracle").then(None).otherwise(pl.col("mean_error"))
     ax = error_over_horizon(scores.with_columns(n=few, mean_error=unknown))
     assert _labels(ax) == ("time ahead [s]", "mean absolute error [m]")
-    assert legend_labels(ax) == ["rampcast", "constant velocity", "IDM (paper)", "chain of 8"]
+    assert legend_labels(ax) == ["rampcast", "constant velocity", "IDM", "chain of 8"]
     assert max(ax.get_lines()[2].get_xdata()) == 9.0
     assert_readable(ax)
 

@@ -21,7 +21,6 @@ ERROR_AT_15 = {
     "lstm_alone": 28.0,
     "constant_velocity": 19.0,
     "constant_speed_leader": 17.0,
-    "idm_true_leader": 4.0,
 }
 SLOTS = ("leader", "follower", "target_leader_1", "target_leader_2", "target_follower_1", "target_follower_2")
 

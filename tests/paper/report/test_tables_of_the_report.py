@@ -28,7 +28,7 @@ def test_a_parameter_row_has_name_unit_range_and_the_values_of_each_mode() -> No
     assert table.rows[-1][:2] == ("mean squared error [m²/s⁴]", "–")
 
 
-def test_the_error_table_marks_the_best_of_each_column_but_never_a_floor() -> None:
+def test_the_error_table_marks_the_best_of_each_column() -> None:
     table = error_table(tidy_tables.longitudinal(), number="A4")
     rows = [i for i, row in enumerate(table.rows) if row[:2] == ("central", "mean error [m]")]
     last = len(table.rows[0]) - 1
