@@ -17,14 +17,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from rampcast.forecast import ForecasterSpec, fit, load, save
 from rampcast.formats import read_any
+from rampcast.paper import LstmSpec, PaperSpec, evaluate, fit_paper
 from rampcast.paper.examples import scene_tracks
-from rampcast.paper.framework import TrainingSpec, fit_forecaster
-from rampcast.paper.laws.mode import Mode
-from rampcast.paper.neighbours.lstm import LstmSpec
-from rampcast.paper.protocol import evaluate
+from rampcast.paper.protocol import shown
 from rampcast.paper.scenes import build_scenes
-from rampcast.paper.storage import load, save
 from rampcast.plots.tracks import plot_forecast
 from rampcast.recording import clean
 from rampcast.simulate import shipped_sample
@@ -75,30 +73,30 @@ print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.
 # %% [markdown]
 # ## 4. Fit
 #
-# A forecaster is two LSTMs that predict the neighbours (ramp lane, target lane) and 32 random forests that classify
-# lane changes. The car-following laws are fitted later, to each vehicle's own 4 s. `Mode.PAPER` is the paper as
-# printed, made computable; `Mode.CORRECTED` repairs what is [wrong in it](methods.md#errata), and adds the model
-# *rampcast*, which drives all vehicles around into the future together. The spec below trains for a minute;
-# `TrainingSpec()` is the full training.
+# *rampcast* learns how drivers follow and merge, and drives all vehicles around into the future together. The paper's
+# framework stands beside it: two LSTMs that predict the neighbours (ramp lane, target lane), car-following laws fitted
+# to each vehicle's own 4 s, and 32 random forests that classify lane changes. Its mode "paper" is the paper as printed,
+# made computable; "corrected" repairs what is [wrong in it](methods.md#errata). The specs below train for a minute; without
+# them the training is full.
 
 # %%
+forecaster = fit(training, spec=ForecasterSpec(spacing=20.0))
 lstm = LstmSpec(units=32, epochs=6, batch=128, learning_rate=5e-3, decay=0.7)
-quick = TrainingSpec(lstm=lstm, window_stride=20, anchor_spacing=2.0, trees=20, scene_spacing=20.0)
-forecaster = fit_forecaster(training, mode=Mode.CORRECTED, spec=quick)
-print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {forecaster.target.losses[-1]:.4f}")
+quick = PaperSpec(lstm=lstm, window_stride=20, anchor_spacing=2.0, trees=20)
+paper = fit_paper(training, mode="corrected", spec=quick)
+print(f"trained on {forecaster.trained_on}; last loss of the target lane's LSTM: {paper.target.losses[-1]:.4f}")
 
 # %% [markdown]
 # ## 5. Predict
 #
-# `predict` gets no future: it is taken out of the scenes before any model gets them. (The smoothing has looked 1 s
-# ahead; the methods page, section 2, says how much that helps.) The result holds a position for every model at every
-# 0.2 s, and the probability of a lane change *within* and *at* each second; of *rampcast* also quantiles of the
-# position, the gap that it merges into, and conflicts ([all columns](forecast_files.md)).
+# `predict` takes a recording, and no model sees what comes after t0. (The smoothing has looked 1 s ahead; the methods
+# page, section 2, says how much that helps.) The result holds a position at every 0.2 s with quantiles, the probability
+# of a lane change *within* and *at* each second, the gap that it merges into, and conflicts ([all
+# columns](forecast_files.md)); of the paper's framework positions by every model, and lane changes.
 
 # %%
-forecast = forecaster.predict(scenes)
-positions = forecast.position_table()
-print(positions.filter(pl.col("model") == "rampcast").select("vehicle", "t0", "horizon", "x", "x_q05", "x_q95").head(3))
+forecast = forecaster.predict(test, every=15.0)
+print(forecast.position_table().select("vehicle", "t0", "horizon", "x", "x_q05", "x_q95").head(3))
 print(forecast.lane_change_table().head(4))
 print(forecast.gap_table().filter(pl.col("p") > 0).head(3))
 
@@ -113,7 +111,7 @@ number = int(np.flatnonzero(seen & (scenes.change_crossing > 3.0))[0])
 vehicle, t0 = int(forecast.vehicle[number]), float(forecast.t0[number])
 probability = forecast.lane_change_table().filter(pl.col("vehicle") == vehicle, (pl.col("t0") - t0).abs() < 0.1)
 picture = plot_forecast(
-    scene_tracks(number, scenes, forecast),
+    scene_tracks(number, scenes, shown([forecast, paper.predict(test, every=15.0)])),
     lane_change=probability,
     ramp_end=site.ramp_end,
     title=f"simulated vehicle {vehicle}, t0 = {t0:.1f} s",
@@ -131,7 +129,7 @@ picture.savefig(out / "forecast.png", dpi=130)
 # that simply keep their speed.
 
 # %%
-result = evaluate(forecaster, test, every=15.0)
+result = evaluate([forecaster, paper], test, every=15.0)
 central = result.tables["longitudinal"].filter(pl.col("group") == "central")
 at_5_s = central.filter(pl.col("horizon") == 5.0).select("model", "n", "within_5", "within_10", "mean_error", "bias")
 print(at_5_s.with_columns(pl.col(pl.Float64).round(2)))
@@ -145,8 +143,8 @@ print(", ".join(result.tables))
 
 # %%
 save(forecaster, out / "model")
-again = load(out / "model").predict(scenes)
-print("same forecast after loading:", np.array_equal(again.x["ghr"], forecast.x["ghr"]))
+again = load(out / "model").predict(test, every=15.0)
+print("same forecast after loading:", np.array_equal(again.x["rampcast"], forecast.x["rampcast"]))
 
 # %% [markdown]
 # ## Your own data
@@ -156,8 +154,8 @@ print("same forecast after loading:", np.array_equal(again.x["ghr"], forecast.x[
 # ```text
 # raw, report = read_any(["trajectories-0400-0415.txt", "trajectories-0500-0515.txt", "trajectories-0515-0530.txt"])
 # training = concatenate([smoothed.window("i80-1"), smoothed.window("i80-3")])   # from rampcast.recording
-# forecaster = fit_forecaster(training, mode=Mode.CORRECTED)
-# result = evaluate(forecaster, smoothed.window("i80-2"))
+# forecaster = fit(training)
+# result = evaluate([forecaster], smoothed.window("i80-2"))
 # ```
 #
 # Next: [reproduce the paper with the original files](reproducing.md), or [choose a model](choosing_a_model.md).
