@@ -14,10 +14,11 @@ from jaxtyping import Float
 from sklearn.ensemble import RandomForestClassifier
 
 from measure import how_many, peak_memory, print_ratio, seconds
+from rampcast.forecast.tables import TIMES
 from rampcast.models.trees import Forests, classification_tree, joined
 from rampcast.paper.lane_change.features import FEATURE_NAMES
 from rampcast.paper.lane_change.forests import SPECS, fit
-from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, Sampling, sample_set
+from rampcast.paper.lane_change.sets import KINDS, Anchors, Reading, Sampling, sample_set
 from rampcast.paper.laws.mode import Mode
 
 VEHICLES = how_many(256, tiny=16)  # I-80, windows 1 and 3: 117 + 139 on-ramp vehicles seen for more than 19 s

@@ -76,8 +76,8 @@ print(f"past: {scenes.past.shape} (scene, slot, step, feature), future: {scenes.
 # *rampcast* learns how drivers follow and merge, and drives all vehicles around into the future together. The paper's
 # framework stands beside it: two LSTMs that predict the neighbours (ramp lane, target lane), car-following laws fitted
 # to each vehicle's own 4 s, and 32 random forests that classify lane changes. Its mode "paper" is the paper as printed,
-# made computable; "corrected" repairs what is [wrong in it](methods.md#errata). The specs below train for a minute; without
-# them the training is full.
+# made computable; "corrected" repairs what is [wrong in it](methods.md#errata). The specs below train for a minute;
+# without them the training is full.
 
 # %%
 forecaster = fit(training, spec=ForecasterSpec(spacing=20.0))

@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from rampcast.errors import ModelError
+from rampcast.forecast.tables import TIMES
 from rampcast.models.plain_data import as_plain, to_record
 from rampcast.paper.lane_change.forests import (
     SPECS,
@@ -19,7 +20,7 @@ from rampcast.paper.lane_change.forests import (
     predict,
     training_table,
 )
-from rampcast.paper.lane_change.sets import KINDS, TIMES, Anchors, Reading, Sampling
+from rampcast.paper.lane_change.sets import KINDS, Anchors, Reading, Sampling
 from rampcast.paper.laws.mode import Mode
 from tests.factories import random_anchors
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rampcast.forecast.tables import TIMES
 from rampcast.paper.lane_change.sets import (
     KINDS,
-    TIMES,
     Anchors,
     Reading,
     Sampling,
