@@ -105,7 +105,11 @@ def test_ours_alone_is_scored_without_the_papers_framework_and_alike(ours, recor
     alone = evaluate([ours], recording, every=4.0)
     assert set(alone.tables) == {"longitudinal", "lane_change"}
     for name, table in alone.tables.items():
-        assert table.equals(evaluation.tables[name].filter(pl.col("model") == "rampcast")), name
+        own, beside = (one.filter(pl.col("model") == "rampcast") for one in (table, evaluation.tables[name]))
+        assert own.equals(beside), name
+    both = pl.col("group") == "central", pl.col("model") == "constant_velocity"
+    of_baseline = [one.tables["longitudinal"].filter(*both) for one in (alone, evaluation)]
+    assert of_baseline[0].equals(of_baseline[1])
 
 
 def test_forecasters_of_two_modes_are_not_scored_together(of_paper, recording):

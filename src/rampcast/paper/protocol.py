@@ -35,6 +35,7 @@ from rampcast.traffic.outcomes import outcomes
 
 DRAWS_PER_VEHICLE = 2  # the paper: two random sub-trajectories of each test vehicle
 CHUNK = 1024  # scenes whose samples are kept at the same time: 100 MB
+BASELINE = "constant_velocity"  # scored beside all
 LONGEST_WAIT = 16.0  # [s] before a lane change; the last of these says "no" to "within 15 s"
 Probabilities = tuple[Float[np.ndarray, "scene 16"], ...]  # within, and at, each second
 Tables = dict[str, pl.DataFrame]
@@ -107,6 +108,7 @@ def evaluate(
     test = Test(recording, rows, build_scenes_at(recording, rows), mode, seed)
     forecasts = tuple(forecaster.predict_at(recording, rows) for forecaster in forecasters)
     x = {name: x for forecast in forecasts for name, x in forecast.x.items()}
+    x.setdefault(BASELINE, continue_at_constant_speed(test.scenes, steps=FUTURE).x[:, CENTRAL, 1:])
     parts: list[Tables] = [{"longitudinal": _with_mode(central_errors(test.scenes, x), mode)}]
     before = before_changes(recording)
     for forecaster, forecast in zip(forecasters, forecasts, strict=True):
