@@ -19,7 +19,7 @@ LONGER = {
     "merge_program._begin": 44,
     "merge_program.merging": 42,
     "merging.merge_features": 45,
-    "reproduce.reproduce": 47,
+    "reproduce.reproduce": 44,
     "run.run_benchmark": 46,
     "scene_forecaster.fit_scene_forecaster": 55,
     "simulation.simulate": 60,  # 38 of them say what its 12 arguments are

@@ -114,8 +114,6 @@ def run_benchmark(
     Raises:
         RecordingError: no data set has its files in both folders.
     """
-    models = places() if models is None else models
-    merge_models = merges() if merge_models is None else merge_models
     same = Path(train).resolve() == Path(test).resolve()
     tables: dict[str, list[pl.DataFrame]] = {name: [] for name in TABLES}
     record, left_out = {}, {}
@@ -197,11 +195,13 @@ def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> li
 
 
 def _scored(
-    train: Cases, test: Cases, models: Mapping[str, Fit], merge_models: Mapping[str, MergeFit]
+    train: Cases, test: Cases, models: Mapping[str, Fit] | None, merge_models: Mapping[str, MergeFit] | None
 ) -> tuple[dict[str, pl.DataFrame], dict[str, Any]]:
     """Returns the tables of one data set, those of merges only where there are some on both sides, and for the record
     how many samples of each model overlap another vehicle.
     """
+    models = places() if models is None else models
+    merge_models = merges() if merge_models is None else merge_models
     training = Training(train)
     forecasts = forecast_cases(training, test, models=models)
     tables = {"scores": score_table(test, forecasts), "cases": case_table(test, forecasts)}
@@ -210,9 +210,9 @@ def _scored(
     merging = test.select(test.merging)
     if not merge_models or not len(merging) or not train.merging.any():
         return tables, overlaps
-    merges, limits = forecast_merges(training, merging, models=merge_models)
-    tables["merge_scores"] = merge_score_table(merging, merges, limits)
-    tables["merge_cases"] = merge_case_table(merging, merges)
+    of_merges, limits = forecast_merges(training, merging, models=merge_models)
+    tables["merge_scores"] = merge_score_table(merging, of_merges, limits)
+    tables["merge_cases"] = merge_case_table(merging, of_merges)
     return tables, overlaps
 
 

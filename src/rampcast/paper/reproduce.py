@@ -106,14 +106,7 @@ def reproduce(
     recording = _smoothed(files, out, site, bad_rows, tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
     test = _window(recording, TEST_WINDOW)
-    results = []
-    for mode in protocol.modes:
-        forecasters: list[RecordingForecaster] = [_paper(training, out / "models" / mode, mode, protocol.paper, tell)]
-        if mode is Mode.CORRECTED:
-            forecasters.insert(0, _ours(training, out / "models", protocol.ours, tell))
-        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
-        results.append(evaluate(forecasters, test, every=protocol.every, seed=protocol.paper.seed))
-        tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
+    results = [_scored(training, test, out / "models", mode, protocol, tell) for mode in protocol.modes]
     tables, counts = _side_by_side(results, test)
     run = _run_record(
         training.names,
@@ -227,6 +220,19 @@ def _window(recording: Recording, number: str) -> Recording:
             f"{', '.join(recording.names)}. Put all three windows into the folder"
         )
     return recording.window(name)
+
+
+def _scored(
+    training: Recording, test: Recording, models: Path, mode: Mode, protocol: Protocol, tell: Progress
+) -> Evaluation:
+    """Returns the scores of one mode; ours stands beside the paper's framework in corrected mode."""
+    forecasters: list[RecordingForecaster] = [_paper(training, models / mode, mode, protocol.paper, tell)]
+    if mode is Mode.CORRECTED:
+        forecasters.insert(0, _ours(training, models, protocol.ours, tell))
+    tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
+    result = evaluate(forecasters, test, every=protocol.every, seed=protocol.paper.seed)
+    tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
+    return result
 
 
 def _ours(recording: Recording, models: Path, spec: ForecasterSpec, tell: Progress) -> Forecaster:
