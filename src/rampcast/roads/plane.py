@@ -4,6 +4,7 @@ A reader of such a source turns units, axes and reference points into a `Plane`,
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import polars as pl
@@ -28,6 +29,18 @@ PLANE_SCHEMA: dict[str, pl.DataType] = {
     c.RECORDED_V: pl.Float32(),  # null where not known
     c.RECORDED_A: pl.Float32(),  # likewise
 }
+
+
+def plane_rows(table: pl.DataFrame, known: Mapping[str, pl.Expr | pl.Series]) -> pl.DataFrame:
+    """Returns a table's rows as those of a plane.
+
+    Args:
+        table: its columns that are called as the plane's are taken as they are.
+        known: other columns of the plane; what neither has is null.
+    """
+    found: dict[str, pl.Expr | pl.Series] = {name: pl.col(name) for name in table.columns}
+    found |= known
+    return table.select(found.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in PLANE_SCHEMA.items())
 
 
 @dataclass(frozen=True)

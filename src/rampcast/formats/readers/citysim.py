@@ -20,7 +20,7 @@ from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -101,19 +101,18 @@ def _in_plane(table: pl.DataFrame, part: str) -> pl.DataFrame:
     )
     sizes = sizes.group_by("id").agg(pl.col(c.LENGTH, c.WIDTH).median().cast(pl.Float32))
     lane = pl.when(pl.col("lane") >= 0).then(pl.col("lane"))
-    return table.join(sizes, on="id", how="left", maintain_order="left").select(
-        pl.lit(part, pl.Categorical()).alias(c.RECORDING),
-        pl.lit(None, pl.Categorical()).alias(ROAD),
-        pl.col("id").alias(c.VEHICLE),
-        pl.col("frame").alias(c.FRAME),
-        (pl.col("x") * FOOT).alias(PX),
-        (pl.col("y") * -FOOT).alias(PY),
-        lane.cast(pl.String).cast(pl.Categorical()).alias(SOURCE_LANE),
-        pl.col(c.LENGTH),
-        pl.col(c.WIDTH),
-        pl.lit("car", PLANE_SCHEMA[c.KIND]).alias(c.KIND),
-        (pl.col("speed") * MILE_PER_HOUR).alias(c.RECORDED_V),
-        pl.lit(None, pl.Float32()).alias(c.RECORDED_A),
+    return plane_rows(
+        table.join(sizes, on="id", how="left", maintain_order="left"),
+        {
+            c.RECORDING: pl.lit(part, pl.Categorical()),
+            c.VEHICLE: pl.col("id"),
+            c.FRAME: pl.col("frame"),
+            PX: pl.col("x") * FOOT,
+            PY: pl.col("y") * -FOOT,
+            SOURCE_LANE: lane.cast(pl.String).cast(pl.Categorical()),
+            c.KIND: pl.lit("car", PLANE_SCHEMA[c.KIND]),
+            c.RECORDED_V: pl.col("speed") * MILE_PER_HOUR,
+        },
     )
 
 

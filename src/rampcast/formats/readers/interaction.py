@@ -25,7 +25,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import translated
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -144,19 +144,15 @@ def _in_plane(table: pl.DataFrame, name: str) -> pl.DataFrame:
         names = pl.select(pl.lit(f"{name}.") + cases.cast(pl.String).str.zfill(len(str(cases.max())))).to_series()
         part = pl.col("case").replace_strict(cases, names, return_dtype=pl.Categorical())
     px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("psi"), pl.col(c.LENGTH))
-    return table.select(
-        part.alias(c.RECORDING),
-        pl.lit(None, dtype=pl.Categorical()).alias(ROAD),
-        pl.col("id").alias(c.VEHICLE),
-        pl.col(c.FRAME),
-        px.alias(PX),
-        py.alias(PY),
-        pl.lit(None, dtype=pl.Categorical()).alias(SOURCE_LANE),
-        pl.col(c.LENGTH),
-        pl.col(c.WIDTH),
-        pl.col(c.KIND),
-        (pl.col("vx") * pl.col("psi").cos() + pl.col("vy") * pl.col("psi").sin()).alias(c.RECORDED_V),
-        pl.lit(None, dtype=pl.Float32()).alias(c.RECORDED_A),
+    return plane_rows(
+        table,
+        {
+            c.RECORDING: part,
+            c.VEHICLE: pl.col("id"),
+            PX: px,
+            PY: py,
+            c.RECORDED_V: pl.col("vx") * pl.col("psi").cos() + pl.col("vy") * pl.col("psi").sin(),
+        },
     )
 
 

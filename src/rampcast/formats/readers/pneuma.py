@@ -25,7 +25,7 @@ from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import SHOWN, Column, advice, read_cell
 from rampcast.recording import columns as c
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, Plane
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -98,9 +98,9 @@ def read_pneuma(
     files = [_read_file(head, part, bad_rows) for head, part in zip(heads, parts, strict=True)]
     steps = [time_step for _, time_step, _ in files]
     check_one_step(paths, steps)
-    rows, filled = with_sizes(pl.concat([rows for rows, _, _ in files]))
+    rows = pl.concat([rows for rows, _, _ in files])
     px, py = in_metres(rows["latitude"].to_numpy(), rows["longitude"].to_numpy())
-    rows = rows.with_columns(pl.Series(PX, px), pl.Series(PY, py)).select(*PLANE_SCHEMA)
+    rows, filled = with_sizes(plane_rows(rows, {PX: pl.Series(px), PY: pl.Series(py)}))
     plane = Plane(
         name="-".join(filter(None, ("pneuma", place))),
         title=f"pNEUMA, {place}" if place else "pNEUMA",
@@ -227,22 +227,19 @@ def _moments(cells: pl.Series, counts: np.ndarray) -> tuple[Float[np.ndarray, "m
 
 
 def _rows(cells: pl.Series, values: Float[np.ndarray, "moment 6"], moments: np.ndarray) -> pl.DataFrame:
-    """Returns the moments of vehicles as columns of a plane, without places and frames."""
+    """Returns the moments of vehicles with places in degrees, and times."""
     first = [(int(float(cell[0])), KINDS[cell[1].strip()]) for cell in cells.list.head(2)]
     ids = np.array([number for number, _ in first], np.int32).repeat(moments)
     kinds = pl.Series([kind for _, kind in first], dtype=PLANE_SCHEMA[c.KIND])
     moment = {column.name: values[:, index] for index, column in enumerate(MOMENT)}
-    known = {
-        c.VEHICLE: ids,
-        c.KIND: kinds.gather(np.arange(len(first)).repeat(moments)),
-        c.RECORDED_V: moment["speed"] * KILOMETRE_PER_HOUR,
-        c.RECORDED_A: moment["acceleration"],
-    }
-    rows = pl.DataFrame({name: moment[name] for name in ("latitude", "longitude", "time")} | known)
-    unknown = (name for name in PLANE_SCHEMA if name not in (*known, PX, PY, c.FRAME, c.RECORDING))
-    return rows.with_columns(
-        *(pl.lit(None, PLANE_SCHEMA[name]).alias(name) for name in unknown),
-        *(pl.col(name).cast(PLANE_SCHEMA[name]) for name in known),
+    return pl.DataFrame(moment).select(
+        "latitude",
+        "longitude",
+        "time",
+        pl.Series(c.VEHICLE, ids),
+        kinds.gather(np.arange(len(first)).repeat(moments)).alias(c.KIND),
+        (pl.col("speed") * KILOMETRE_PER_HOUR).alias(c.RECORDED_V),
+        pl.col("acceleration").alias(c.RECORDED_A),
     )
 
 

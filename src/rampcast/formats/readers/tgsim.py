@@ -20,7 +20,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import as_words
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.plane import PLANE_SCHEMA, SOURCE_LANE, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -109,19 +109,15 @@ def _code(name: str) -> str:
 
 def _in_plane(rows: pl.DataFrame) -> pl.DataFrame:
     """Returns the rows as those of a plane, with front centres."""
-    centres = rows.select(
-        pl.col("run").alias(c.RECORDING),
-        pl.lit(None, PLANE_SCHEMA[ROAD]).alias(ROAD),
-        pl.col("id").alias(c.VEHICLE),
-        c.FRAME,
-        pl.col("px").alias(PX),
-        pl.col("py").alias(PY),
-        as_words(rows["lane"]).alias(SOURCE_LANE),
-        c.LENGTH,
-        c.WIDTH,
-        c.KIND,
-        pl.col("v").alias(c.RECORDED_V),
-        pl.col("a").alias(c.RECORDED_A),
+    centres = plane_rows(
+        rows,
+        {
+            c.RECORDING: pl.col("run"),
+            c.VEHICLE: pl.col("id"),
+            SOURCE_LANE: as_words(rows["lane"]),
+            c.RECORDED_V: pl.col("v"),
+            c.RECORDED_A: pl.col("a"),
+        },
     )
     return with_fronts(centres, time_step=TIME_STEP)
 

@@ -28,7 +28,7 @@ from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -103,19 +103,18 @@ def _in_plane(table: pl.DataFrame, values: dict[str, Any]) -> pl.DataFrame:
     px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("heading").radians(), pl.col(c.LENGTH))
     lanelets = table["lane"].unique().drop_nulls()
     first = lanelets.cast(pl.String).str.split(SEPARATOR).list.first()
-    return table.select(
-        pl.lit(str(values["id"]), dtype=pl.Categorical()).alias(c.RECORDING),
-        pl.lit(None, dtype=pl.Categorical()).alias(ROAD),
-        pl.col("id").alias(c.VEHICLE),
-        pl.col("frame").alias(c.FRAME),
-        (px + values["east"]).alias(PX),
-        (py + values["north"]).alias(PY),
-        pl.col("lane").replace_strict(lanelets, first, default=None, return_dtype=pl.Categorical()).alias(SOURCE_LANE),
-        pl.col(c.LENGTH),
-        pl.col(c.WIDTH),
-        pl.col(c.KIND),
-        pl.col("v").alias(c.RECORDED_V),
-        pl.col("a").alias(c.RECORDED_A),
+    return plane_rows(
+        table,
+        {
+            c.RECORDING: pl.lit(str(values["id"]), dtype=pl.Categorical()),
+            c.VEHICLE: pl.col("id"),
+            c.FRAME: pl.col("frame"),
+            PX: (px + values["east"]),
+            PY: (py + values["north"]),
+            SOURCE_LANE: pl.col("lane").replace_strict(lanelets, first, default=None, return_dtype=pl.Categorical()),
+            c.RECORDED_V: pl.col("v"),
+            c.RECORDED_A: pl.col("a"),
+        },
     )
 
 

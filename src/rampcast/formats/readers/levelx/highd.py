@@ -33,7 +33,7 @@ from rampcast.formats.tables.columns import Column
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road
+from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
 
@@ -146,19 +146,19 @@ def _in_plane(table: pl.DataFrame, recording: str) -> pl.DataFrame:
     is_lower = pl.col("direction") == 2
     forward = pl.when(is_lower).then(1).otherwise(-1).cast(pl.Float32)
     names = {number: str(number) for number in table["lane"].unique()}
-    return table.select(
-        pl.lit(recording, dtype=pl.Categorical()).alias(c.RECORDING),
-        pl.when(is_lower).then(pl.lit(ROADS[2])).otherwise(pl.lit(ROADS[1])).cast(pl.Categorical()).alias(ROAD),
-        pl.col("id").alias(c.VEHICLE),
-        pl.col("frame").alias(c.FRAME),
-        (pl.col("x") + pl.when(is_lower).then(pl.col(c.LENGTH)).otherwise(0)).alias(PX),
-        (-pl.col("y") - pl.col(c.WIDTH) / 2).alias(PY),
-        pl.col("lane").replace_strict(names, return_dtype=pl.Categorical()).alias(SOURCE_LANE),
-        pl.col(c.LENGTH),
-        pl.col(c.WIDTH),
-        pl.col(c.KIND),
-        (pl.col("v") * forward).alias(c.RECORDED_V),
-        (pl.col("a") * forward).alias(c.RECORDED_A),
+    return plane_rows(
+        table,
+        {
+            c.RECORDING: pl.lit(recording, dtype=pl.Categorical()),
+            ROAD: pl.when(is_lower).then(pl.lit(ROADS[2])).otherwise(pl.lit(ROADS[1])).cast(pl.Categorical()),
+            c.VEHICLE: pl.col("id"),
+            c.FRAME: pl.col("frame"),
+            PX: pl.col("x") + pl.when(is_lower).then(pl.col(c.LENGTH)).otherwise(0),
+            PY: (-pl.col("y") - pl.col(c.WIDTH) / 2),
+            SOURCE_LANE: pl.col("lane").replace_strict(names, return_dtype=pl.Categorical()),
+            c.RECORDED_V: pl.col("v") * forward,
+            c.RECORDED_A: pl.col("a") * forward,
+        },
     )
 
 

@@ -28,7 +28,7 @@ from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.recording import METADATA_KEY
 from rampcast.recording.translation import as_words, translated
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane, Road
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, Road, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
 from rampcast.sites.site import LANE_WIDTH, NO_LANE
@@ -309,19 +309,15 @@ def _front(table: pl.DataFrame, reference: str) -> pl.DataFrame:
         along, across = ahead * pl.col(c.LENGTH).cast(pl.Float64), left * pl.col(c.WIDTH).cast(pl.Float64)
         px = px + along * heading.cos() - across * heading.sin()
         py = py + along * heading.sin() + across * heading.cos()
-    return table.select(
-        pl.col(c.RECORDING),
-        pl.lit(None, PLANE_SCHEMA[ROAD]).alias(ROAD),
-        pl.col(c.VEHICLE),
-        pl.col(c.FRAME),
-        px.alias(PX),
-        py.alias(PY),
-        pl.when(pl.col(c.LANE) > NO_LANE).then(as_words(table[c.LANE])).alias(SOURCE_LANE),
-        pl.col(c.LENGTH),
-        pl.col(c.WIDTH),
-        pl.col(c.KIND),
-        pl.col("speed").alias(c.RECORDED_V),
-        pl.col("acceleration").alias(c.RECORDED_A),
+    return plane_rows(
+        table,
+        {
+            PX: px,
+            PY: py,
+            SOURCE_LANE: pl.when(pl.col(c.LANE) > NO_LANE).then(as_words(table[c.LANE])),
+            c.RECORDED_V: pl.col("speed"),
+            c.RECORDED_A: pl.col("acceleration"),
+        },
     )
 
 

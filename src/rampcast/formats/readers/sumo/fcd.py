@@ -26,7 +26,7 @@ from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
+from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -198,24 +198,16 @@ def _kind(type_name: str) -> str | None:
 
 
 def _in_plane(table: pl.DataFrame, part: str, ids: pl.Series, frames: Int[np.ndarray, "row"]) -> pl.DataFrame:
-    def wanted(name: str, ours: str) -> pl.Expr:
-        cell = pl.col(name) if name in table.columns else pl.lit(None)
-        return cell.cast(PLANE_SCHEMA[ours]).alias(ours)
-
-    return table.select(
-        pl.lit(part, dtype=pl.Categorical()).alias(c.RECORDING),
-        pl.lit(None, dtype=pl.Categorical()).alias(ROAD),
-        ids.alias(c.VEHICLE),
-        pl.Series(c.FRAME, frames),
-        pl.col("x").alias(PX),
-        pl.col("y").alias(PY),
-        wanted("lane", SOURCE_LANE),
-        pl.lit(None, dtype=pl.Float32()).alias(c.LENGTH),  # floating car data have no sizes
-        pl.lit(None, dtype=pl.Float32()).alias(c.WIDTH),
-        pl.col(c.KIND),
-        wanted("speed", c.RECORDED_V),
-        wanted("acceleration", c.RECORDED_A),
-    )
+    optional = {"lane": SOURCE_LANE, "speed": c.RECORDED_V, "acceleration": c.RECORDED_A}
+    known: dict[str, pl.Expr | pl.Series] = {
+        c.RECORDING: pl.lit(part),
+        c.VEHICLE: ids,
+        c.FRAME: pl.Series(frames),
+        PX: pl.col("x"),
+        PY: pl.col("y"),
+    }
+    found = {ours: pl.col(name) for name, ours in optional.items() if name in table.columns}
+    return plane_rows(table, known | found)
 
 
 def _check_metres(name: str, table: pl.DataFrame, frames: Int[np.ndarray, "row"], time_step: float) -> None:
