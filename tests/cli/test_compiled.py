@@ -1,0 +1,68 @@
+"""Compiled programs on disk: where the commands keep them, and that nothing about the folder is an error."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rampcast.cli.compiled import cache_folder, keep_compiled_programs
+
+COMPUTE = """
+from rampcast.cli.compiled import keep_compiled_programs
+keep_compiled_programs()
+import numpy as np
+from rampcast.compute import jnp, program
+print(program(lambda x: jnp.linalg.inv(jnp.sin(x) @ x.T))(2.0 * np.eye(3))[0, 0])
+"""
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Returns the folder that RAMPCAST_CACHE names, in an environment where jax has none."""
+    for name in ("JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"):
+        monkeypatch.setenv(name, "")  # so that it is put back afterwards
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("RAMPCAST_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_programs_are_kept_in_the_folder_that_the_environment_names(bare: Path) -> None:
+    assert cache_folder() == bare / "jax"
+    assert keep_compiled_programs()
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(bare / "jax")
+
+
+def test_without_a_name_they_are_kept_in_the_users_cache_folder(bare: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAMPCAST_CACHE")
+    assert cache_folder().parts[-2:] == ("rampcast", "jax") or sys.platform == "win32"
+
+
+def test_the_users_own_folder_comes_first(bare: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "mine")
+    assert not keep_compiled_programs()
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == "mine"
+    assert not bare.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(bare: Path) -> None:
+    bare.write_text("a file where the folder should be")
+    assert not keep_compiled_programs()
+    assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
+
+
+def test_a_damaged_program_is_compiled_again(bare: Path) -> None:
+    environment = {**os.environ, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+
+    def run() -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-c", COMPUTE], env=environment, capture_output=True, text=True)
+
+    first = run()
+    assert first.returncode == 0, first.stderr
+    kept = list((bare / "jax").glob("*-cache"))
+    assert kept
+    for path in kept:
+        path.write_bytes(b"damaged")
+    again = run()
+    assert (again.returncode, again.stdout) == (0, first.stdout), again.stderr
