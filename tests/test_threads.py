@@ -1,11 +1,13 @@
 """How many threads rampcast works with."""
 
+import importlib
 import threading
 
 import pytest
 
 from rampcast.errors import RampcastError
 from rampcast.threads import choosing_threads, in_threads, thread_count
+from tests.made_up_traffic import random_traffic
 
 
 def test_the_caller_wins_over_the_environment_and_that_over_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,3 +54,34 @@ def test_a_wrong_number_of_threads_is_told(wrong: str, monkeypatch: pytest.Monke
 def test_a_wrong_argument_is_told(wrong: int) -> None:
     with pytest.raises(RampcastError, match="threads must be a whole number of at least 1"), choosing_threads(wrong):
         pass
+
+
+class Working(Exception):
+    """Stops what is called, and tells with how many threads it would have worked."""
+
+
+def stop(*_: object, **__: object) -> None:
+    raise Working(thread_count())
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "call"),
+    [
+        ("rampcast.forecast.forecaster", "find_anchors", lambda module, traffic: module.fit(traffic, threads=3)),
+        ("rampcast.forecast.forecaster", "find_anchors", lambda module, traffic: predict(module.Forecaster, traffic)),
+        (
+            "rampcast.paper.framework",
+            "for_each_lane",
+            lambda module, traffic: module.fit_paper(traffic, mode=module.Mode.PAPER, threads=3),
+        ),
+        ("rampcast.paper.framework", "find_anchors", lambda module, traffic: predict(module.PaperForecaster, traffic)),
+    ],
+)
+def test_fits_and_forecasts_work_with_the_threads_that_their_caller_names(module, name, call, monkeypatch) -> None:
+    monkeypatch.setattr(importlib.import_module(module), name, stop)
+    with pytest.raises(Working, match="3"):
+        call(importlib.import_module(module), random_traffic(1, vehicles=4, seconds=12.0))
+
+
+def predict(kind: type, traffic: object) -> None:
+    kind.predict(object.__new__(kind), traffic, threads=3)

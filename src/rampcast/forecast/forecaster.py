@@ -15,6 +15,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
+from rampcast.threads import choosing_threads
 from rampcast.traffic import find_anchors
 from rampcast.traffic.merge_scenes import build_merge_scenes
 from rampcast.traffic.outcomes import outcomes
@@ -55,18 +56,20 @@ class Forecaster:
     data_hash: str
     window_hashes: tuple[str, ...]
 
-    def predict(self, recording: Recording, *, every: float = 1.0) -> Forecast:
+    def predict(self, recording: Recording, *, every: float = 1.0, threads: int | None = None) -> Forecast:
         """Returns the forecast of every on-ramp vehicle, at every anchor time at which its last 4 s lie on the ramp.
 
         Args:
             recording: smoothed (see `clean`); of what comes after an anchor nothing is used but by its smoothing.
             every: time between anchors [s], a multiple of 0.2.
+            threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
         Raises:
             RampcastError: it is no smoothed recording, or there is nothing to forecast in it.
             ModelError: it is of another site.
         """
-        return self.predict_at(recording, find_anchors(recording, every=every))
+        with choosing_threads(threads):
+            return self.predict_at(recording, find_anchors(recording, every=every))
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecast:
         """Returns the forecast of the vehicles at those rows of a recording, which `find_anchors` gave."""
@@ -81,22 +84,43 @@ class Forecaster:
         )
 
 
-def fit(recording: Recording, *, spec: ForecasterSpec | None = None, progress: Progress | None = None) -> Forecaster:
+def fit(
+    recording: Recording,
+    *,
+    spec: ForecasterSpec | None = None,
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Forecaster:
     """Returns a forecaster trained on a smoothed recording.
 
     Args:
         recording: all windows to train on, of one site.
         spec: how to train.
         progress: called as (what, done, total).
+        threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
     Raises:
         RampcastError: it is no smoothed recording, its site has no ramp, or no vehicle is on the ramp for 4 s.
     """
     spec, tell = spec or ForecasterSpec(), progress or tell_nobody
     tell("scene forecaster", 0, 1)
+    with choosing_threads(threads):
+        scene = _fit_scene(recording, spec)
+    tell("scene forecaster", 1, 1)
+    return Forecaster(
+        site=recording.site,
+        scene=as_plain(scene),
+        training=spec,
+        trained_on=tuple(recording.names),
+        data_hash=recording_hash(recording),
+        window_hashes=window_hashes(recording),
+    )
+
+
+def _fit_scene(recording: Recording, spec: ForecasterSpec) -> SceneForecaster:
     anchors = find_anchors(recording, every=spec.spacing)
     became = outcomes(recording, anchors)
-    scene = fit_scene_forecaster(
+    return fit_scene_forecaster(
         build_merge_scenes(recording, anchors),
         became.displacement,
         became.leader_displacement,
@@ -106,13 +130,4 @@ def fit(recording: Recording, *, spec: ForecasterSpec | None = None, progress: P
         t0=became.t0,
         seed=spec.seed,
         spec=spec.scene,
-    )
-    tell("scene forecaster", 1, 1)
-    return Forecaster(
-        site=recording.site,
-        scene=as_plain(scene),
-        training=spec,
-        trained_on=tuple(recording.names),
-        data_hash=recording_hash(recording),
-        window_hashes=window_hashes(recording),
     )

@@ -67,7 +67,7 @@ class RecordingForecaster(Protocol):
     def window_hashes(self) -> tuple[str, ...]:
         """Returns the SHA-256 of the tracks of each of them, whatever its name."""
 
-    def predict(self, recording: Recording, *, every: float = 1.0) -> RecordingForecast:
+    def predict(self, recording: Recording, *, every: float = 1.0, threads: int | None = None) -> RecordingForecast:
         """Returns the forecast of every on-ramp vehicle of a smoothed recording, every so many seconds."""
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> RecordingForecast:

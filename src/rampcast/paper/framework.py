@@ -27,7 +27,7 @@ from rampcast.paper.scenes.stand_ins import with_stand_ins
 from rampcast.recording import Recording
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
-from rampcast.threads import in_threads
+from rampcast.threads import choosing_threads, in_threads
 from rampcast.traffic import find_anchors, need_ramp
 
 LANES = ("ramp", "target")
@@ -79,7 +79,12 @@ class PaperForecaster:
     window_hashes: tuple[str, ...]
 
     def predict(
-        self, recording: Recording, *, every: float = 1.0, models: Sequence[str] | None = None
+        self,
+        recording: Recording,
+        *,
+        every: float = 1.0,
+        models: Sequence[str] | None = None,
+        threads: int | None = None,
     ) -> PaperForecast:
         """Returns the forecast of every on-ramp vehicle, at every anchor time at which its last 4 s lie on the ramp.
 
@@ -87,12 +92,14 @@ class PaperForecaster:
             recording: smoothed (see `clean`).
             every: time between anchors [s], a multiple of 0.2.
             models: see `predict_scenes`.
+            threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
         Raises:
             RampcastError: it is no smoothed recording, or there is nothing to forecast in it.
             ModelError: a model is unknown, or the recording is of another site.
         """
-        return self.predict_at(recording, find_anchors(recording, every=every), models=models)
+        with choosing_threads(threads):
+            return self.predict_at(recording, find_anchors(recording, every=every), models=models)
 
     def predict_at(
         self, recording: Recording, rows: Int[np.ndarray, "scene"], *, models: Sequence[str] | None = None
@@ -132,7 +139,12 @@ class PaperForecaster:
 
 
 def fit_paper(
-    recording: Recording, *, mode: Mode, spec: PaperSpec | None = None, progress: Progress | None = None
+    recording: Recording,
+    *,
+    mode: Mode,
+    spec: PaperSpec | None = None,
+    progress: Progress | None = None,
+    threads: int | None = None,
 ) -> PaperForecaster:
     """Returns the paper's framework trained on a smoothed recording.
 
@@ -141,6 +153,7 @@ def fit_paper(
         mode: which reading of the paper, "paper" or "corrected".
         spec: how to train.
         progress: called as (what, done, total).
+        threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
     Raises:
         RecordingError: its site has no ramp, or it holds no vehicle that stays long enough in the ramp lane or the
@@ -148,8 +161,11 @@ def fit_paper(
     """
     need_ramp(recording)
     mode, spec = Mode(mode), spec or PaperSpec()
-    ramp, target = for_each_lane(lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress))
-    forests = fit_lane_changes(recording, mode=mode, spec=spec, progress=progress)
+    with choosing_threads(threads):
+        ramp, target = for_each_lane(
+            lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress)
+        )
+        forests = fit_lane_changes(recording, mode=mode, spec=spec, progress=progress)
     return assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
 
 
