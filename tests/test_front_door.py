@@ -63,6 +63,7 @@ def test_importing_the_package_takes_less_than_50_milliseconds():
     assert min(float(line.split("|")[1]) / 1e3 for line in spent) < MOST_MILLISECONDS
 
 
+@pytest.mark.slow
 def test_no_module_hides_a_name_of_the_front_door_even_if_every_module_is_imported_first():
     imports = "".join(f"import {one.name}\n" for one in pkgutil.walk_packages(rc.__path__, "rampcast."))
     asked = "import rampcast as rc\nprint([name for name in rc.__all__ if type(getattr(rc, name)) is type(rc)])"
@@ -91,6 +92,7 @@ def test_a_long_value_is_not_shown_in_an_error():
         expected(rc.Site, "x" * 1000, name="site", advice="load one")
 
 
+@pytest.mark.slow
 def test_a_wrong_argument_is_answered_with_a_sentence():
     """In a process of its own: here the checker of types would be first to complain."""
     asked = "import rampcast as rc\nfor call, *given in CALLS:\n    try:\n        getattr(rc, call)(*given)\n"

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 WALK = """
 import importlib, os, pkgutil, threading
 import jax, polars, sklearn  # the last two set variables of their own allocators and of OpenMP

@@ -19,6 +19,8 @@ from rampcast.traffic.merge_scenes import build_merge_scenes
 from tests.contract.conftest import SPEC
 from tests.made_up_traffic import random_traffic
 
+pytestmark = pytest.mark.slow
+
 KEYS = ["recording", "vehicle", "t0"]
 QUANTILES = ["x_q05", "x_q25", "x_q50", "x_q75", "x_q95"]
 

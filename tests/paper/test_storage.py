@@ -22,6 +22,8 @@ from rampcast.roads.ramp import without_ramp
 from rampcast.sites import load_site
 from tests.made_up_traffic import random_traffic
 
+pytestmark = pytest.mark.slow
+
 SPEC = ForecasterSpec(spacing=2.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)))
 PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=2.0, trees=3)
 

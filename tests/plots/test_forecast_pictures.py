@@ -16,6 +16,8 @@ from rampcast.errors import RampcastError
 from rampcast.plots.forecast_pictures import arriving_wave, forecast_fan, merge_densities
 from tests.plots.looking import assert_readable, legend_labels
 
+pytestmark = pytest.mark.slow
+
 SECONDS = np.arange(1.0, 16.0)
 SETS = {"i80_car_following_pairs": 491, "hee_merge_pairs": 34, "simulated": 2525, "a_new_one": 5}  # cases
 SHARES = dict(zip(BINS, (0.05, 0.20, 0.25, 0.25, 0.20, 0.05), strict=True))  # of a calibrated forecast

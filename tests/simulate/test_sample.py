@@ -96,6 +96,7 @@ def test_the_lane_line_is_crossed_at_another_time_than_the_label_changes(window:
     assert later.is_between(0.2, 6.0).mean() > 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.sumo
 def test_the_committed_command_makes_the_beginning_of_the_sample_again() -> None:
     # The beginning of a longer simulation is the shorter one, so half a minute stands for the whole.

@@ -45,6 +45,7 @@ def test_vehicles_move_less_than_the_speed_limit_and_a_fifth_allows(i80: Recordi
     assert moved.max() < 1.2 * i80.site.speed_limit
 
 
+@pytest.mark.slow
 @pytest.mark.sumo
 def test_the_same_seed_gives_the_same_recording_and_another_seed_another(i80: Recording) -> None:
     assert simulate(load_site("i80"), **SHORT).tracks.equals(i80.tracks)
