@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
 
 from measure import how_many, once, peak_memory, print_ratio, seconds
+from rampcast.forecasters import label
 from rampcast.horizon import FUTURE, PAST, STEP
 from rampcast.paper.algorithm_1 import follow
 from rampcast.paper.calibration.calibration import calibrate
@@ -64,7 +65,7 @@ def fits(name: str, history: dict[str, Any]) -> None:
     first = once(lambda: calibrate(law, **history))
     ours = DRIVERS / seconds(lambda: calibrate(law, **history), 3)
     memory = peak_memory(lambda: calibrate(law, **history))
-    line = f"{law.label:<14} {ours:>10,.0f} fits/s; first call {first:.1f} s; peak memory {memory:+.0f} MB"
+    line = f"{label(law.name):<14} {ours:>10,.0f} fits/s; first call {first:.1f} s; peak memory {memory:+.0f} MB"
     if name in ("idm", "ghr"):
         start = time.perf_counter()
         errors = [one_fit(name, history, row) for row in range(PLAIN_FITS)]

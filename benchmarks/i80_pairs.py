@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
 from rampcast.evaluate.positions import position_errors
+from rampcast.forecasters import label
 from rampcast.horizon import FUTURE, PAST, STEP
 from rampcast.paper.algorithm_1 import follow
 from rampcast.paper.calibration.calibration import calibrate
@@ -145,7 +146,7 @@ def all_errors(pairs: Windows, pooled: Float[np.ndarray, "param"]) -> Iterator[p
         ),
         "true future": (pairs.leader_x[:, future], pairs.leader_v[:, future]),
     }
-    laws = {law.label: (law, fit_law(name, pairs).parameters) for name, law in LAWS.items()}
+    laws = {label(name): (law, fit_law(name, pairs).parameters) for name, law in LAWS.items()}
     laws["One IDM"] = (LAWS["idm"], np.tile(pooled, (len(pairs.x), 1)))
     forecasts = {("Constant velocity", "none"): pairs.x[:, now, None] + pairs.v[:, now, None] * time[1:]}
     for label, (law, parameters) in laws.items():
