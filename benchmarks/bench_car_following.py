@@ -73,7 +73,7 @@ def fits(name: str, history: dict[str, Any]) -> None:
         better = calibrate(law, **{key: values[:PLAIN_FITS] for key, values in history.items()}).mse
         line += f"; curve_fit {plain:,.0f}/s"
         line += f"; mean squared error {np.mean(better):.4f}, curve_fit {np.mean(errors):.4f} m^2/s^4"
-        print_ratio(f"{law.label}, fits a second over those of curve_fit", ours / plain)
+        print_ratio(f"{label(law.name)}, fits a second over those of curve_fit", ours / plain)
     print(line)
 
 

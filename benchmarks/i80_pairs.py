@@ -149,9 +149,9 @@ def all_errors(pairs: Windows, pooled: Float[np.ndarray, "param"]) -> Iterator[p
     laws = {label(name): (law, fit_law(name, pairs).parameters) for name, law in LAWS.items()}
     laws["One IDM"] = (LAWS["idm"], np.tile(pooled, (len(pairs.x), 1)))
     forecasts = {("Constant velocity", "none"): pairs.x[:, now, None] + pairs.v[:, now, None] * time[1:]}
-    for label, (law, parameters) in laws.items():
+    for title, (law, parameters) in laws.items():
         for leader, (x, v) in leaders.items():
-            forecasts[label, leader] = follow(
+            forecasts[title, leader] = follow(
                 law,
                 parameters,
                 x=pairs.x[:, now],
