@@ -1,7 +1,10 @@
 """The pages say what the program does: their code runs, references are made from it, links lead somewhere."""
 
 import importlib.util
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -18,6 +21,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md")])
 COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback]
 PYTHON_BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+MOST_LINES = 12  # of the README's example
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
@@ -43,13 +47,36 @@ def relative_links(page: Path) -> list[str]:
     return [target for target in found if not target.startswith(("http://", "https://", "mailto:"))]
 
 
-@pytest.mark.slow
-def test_the_code_in_the_readme_runs_and_leaves_a_picture(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def readme_code() -> str:
     (block,) = PYTHON_BLOCK.findall((ROOT / "README.md").read_text(encoding="utf-8"))
-    exec(compile(block, "README.md", "exec"), {"__name__": "readme"})
+    return block
+
+
+def test_the_code_in_the_readme_is_at_most_twelve_lines_and_imports_nothing_but_the_front_door():
+    assert readme_code().startswith("import rampcast as rc\n")
+    assert readme_code().count("import") == 1
+    assert len(readme_code().splitlines()) <= MOST_LINES
+
+
+@pytest.mark.slow
+def test_the_code_in_the_readme_runs_and_leaves_a_picture_and_a_model(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(readme_code(), "README.md", "exec"), {"__name__": "readme"})
     assert (tmp_path / "forecast.png").stat().st_size > 10_000
-    assert "constant_velocity" in capsys.readouterr().out
+    assert (tmp_path / "model" / "model.json").is_file()
+    assert "x_q05" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_users_file_with_the_code_of_the_readme_is_typed(tmp_path):
+    (tmp_path / "user.py").write_text(readme_code() + "forecast.no_such_name\n", encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--follow-imports=silent", "user.py"]
+    checked = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"MYPYPATH": str(ROOT / "src")}, capture_output=True, text=True
+    )
+    found = [line for line in checked.stdout.splitlines() if "error:" in line]
+    assert len(found) == 1, checked.stdout  # the mistake made on purpose: types are known, and all else is right
+    assert '"Forecast" has no attribute "no_such_name"' in found[0]
 
 
 @pytest.mark.slow

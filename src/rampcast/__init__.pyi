@@ -2,6 +2,10 @@ from .benchmark import benchmark as benchmark
 from .doctor import doctor as doctor
 from .doctor import inspect as inspect
 from .errors import RampcastError as RampcastError
+from .forecast import Forecast as Forecast
+from .forecast import fit as fit
+from .forecast import load as load
+from .forecast import save as save
 from .formats import read as read
 from .plots import plot as plot
 from .recording import Recording as Recording

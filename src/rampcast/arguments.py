@@ -10,7 +10,7 @@ Kind = TypeVar("Kind")
 LONGEST = 60  # letters of a value that an error shows
 
 
-def chosen(choices: type[Choice], value: Choice | str, *, name: str) -> Choice:
+def chosen(choices: type[Choice], value: object, *, name: str) -> Choice:
     """Returns the member of an Enum that is meant by itself or by its value.
 
     Args:

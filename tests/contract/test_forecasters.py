@@ -14,7 +14,6 @@ from rampcast.paper.laws.mode import Mode
 from rampcast.recording import columns as c
 from rampcast.sites import load_site
 from rampcast.traffic import find_anchors
-from rampcast.traffic.anchors import check_recording
 from rampcast.traffic.merge_scenes import build_merge_scenes
 from tests.contract.conftest import SPEC
 from tests.made_up_traffic import random_traffic
@@ -72,14 +71,10 @@ def test_the_tables_of_every_forecaster_have_the_same_columns(any_forecaster, re
         assert last["x_q05"].is_null().all() == (name not in forecast.bands)
 
 
-@pytest.mark.parametrize("wrong", [None, "traffic.csv", pl.DataFrame({"x": [1.0]})])
-def test_what_is_no_recording_is_refused_in_a_sentence(wrong):
-    with pytest.raises(RampcastError, match=r"expected a Recording, got .*read it first"):
-        check_recording(wrong)
-
-
 def test_a_recording_that_is_not_smoothed_is_refused_with_advice(any_forecaster):
-    with pytest.raises(RampcastError, match=r"smooth the recording first, `recording, report = clean\(recording\)`"):
+    with pytest.raises(
+        RampcastError, match=r"smooth the recording first, `recording, changes = rc.clean\(recording\)`"
+    ):
         any_forecaster.predict(random_traffic(1))
 
 

@@ -25,7 +25,7 @@ from rampcast.cli.options import (
     writable_folder,
 )
 from rampcast.cli.ramp import site_with_ramp
-from rampcast.cli.reading import bad_rows_of, named_site, read_road, read_roads, user_command, warn_if_off_road
+from rampcast.cli.reading import bad_rows_of, read_road, read_roads, user_command, warn_if_off_road
 from rampcast.errors import SiteError
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def convert(
 
     with terminal.progress(f"convert to {out}"):
         written, report = convert_all(
-            files, out, site=named_site(site), format=format, mapping=mapping, bad_rows=bad_rows_of(skip_bad_rows)
+            files, out, site=site, format=format, mapping=mapping, bad_rows=bad_rows_of(skip_bad_rows)
         )
     terminal.print_reading(report)
     warn_if_off_road(report, site)
@@ -209,11 +209,10 @@ def simulate(
     """Simulates a recording of a site with SUMO (needs [bold]pip install "rampcast\\[sumo]"[/])."""
     from rampcast.recording import write_recording
     from rampcast.simulate import simulate as run
-    from rampcast.sites import load_site
 
     with terminal.progress() as tell:
         recording = run(
-            load_site(site),
+            site,
             minutes=minutes,
             seed=seed,
             window=window,

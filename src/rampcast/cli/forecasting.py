@@ -23,7 +23,7 @@ from rampcast.cli.options import (
     SkipBadRows,
     Stride,
 )
-from rampcast.cli.reading import bad_rows_of, named_site, read_smoothed, user_command
+from rampcast.cli.reading import bad_rows_of, read_smoothed, user_command
 from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
@@ -162,24 +162,14 @@ def reproduce(
     from rampcast.paper.reproduce import Protocol, find_files
     from rampcast.paper.reproduce import reproduce as run
 
-    protocol = Protocol(
-        ours=ForecasterSpec(seed=seed),
-        paper=paper_spec(epochs, batch, stride, seed),
-        every=every,
-        command=user_command(),
-    )
+    ours, paper = ForecasterSpec(seed=seed), paper_spec(epochs, batch, stride, seed)
+    protocol = Protocol(ours=ours, paper=paper, every=every, command=user_command())
     found = find_files(data, without=out)
     for reason in found.left_out.values():
         terminal.say(f"left out {reason}")
     with terminal.progress() as tell:
-        page = run(
-            found.files,
-            out,
-            protocol=protocol,
-            site=named_site(site),
-            bad_rows=bad_rows_of(skip_bad_rows),
-            progress=tell,
-        )
+        bad_rows = bad_rows_of(skip_bad_rows)
+        page = run(found.files, out, protocol=protocol, site=site, bad_rows=bad_rows, progress=tell)
     terminal.print_scores(out)
     terminal.say(f"wrote {page}")
 

@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING
 from rampcast.cli import show as terminal
 
 if TYPE_CHECKING:
-    from rampcast.formats import BadRows, ReadReport
+    from rampcast.formats import ReadReport
     from rampcast.recording import Recording
-    from rampcast.sites import Site
 
 MANY_OFF_ROAD = 0.5  # of the rows: the site of one road of a divided highway leaves out about half of them
-
-
-def named_site(name: str | None) -> "Site | None":
-    from rampcast.sites import load_site
-
-    return load_site(name) if name else None
 
 
 def read_one(
@@ -31,7 +24,7 @@ def read_one(
     from rampcast.formats import read_any
 
     bad_rows = bad_rows_of(skip_bad_rows)
-    recording, report = read_any(files, site=named_site(site), format=format, mapping=mapping, bad_rows=bad_rows)
+    recording, report = read_any(files, site=site, format=format, mapping=mapping, bad_rows=bad_rows)
     warn_if_off_road(report, site)
     return recording, report
 
@@ -43,7 +36,7 @@ def read_roads(
     from rampcast.formats import read_all
 
     bad_rows = bad_rows_of(skip_bad_rows)
-    recordings, report = read_all(files, site=named_site(site), format=format, mapping=mapping, bad_rows=bad_rows)
+    recordings, report = read_all(files, site=site, format=format, mapping=mapping, bad_rows=bad_rows)
     warn_if_off_road(report, site)
     return recordings, report
 
@@ -74,10 +67,8 @@ def read_road(
     return road_named(recordings, road)
 
 
-def bad_rows_of(skip: bool) -> "BadRows":
-    from rampcast.formats import BadRows
-
-    return BadRows.SKIP if skip else BadRows.RAISE
+def bad_rows_of(skip: bool) -> str:
+    return "skip" if skip else "raise"
 
 
 def read_smoothed(

@@ -13,10 +13,11 @@ from rampcast.doctor.distributions import Distribution, distributions
 from rampcast.doctor.finding import Check, Faults, Finding, NotAssessed, Severity, finding_of
 from rampcast.doctor.picture_tables import picture_tables
 from rampcast.doctor.places import FINDING, PLACE_SCHEMA
-from rampcast.doctor.subject import READ_FIRST, subject_of
+from rampcast.doctor.subject import subject_of
 from rampcast.notebook import html_table
 from rampcast.recording import Recording
 from rampcast.recording.reading import ReadReport
+from rampcast.recording.recording import READ_FIRST
 
 
 @dataclass(frozen=True)

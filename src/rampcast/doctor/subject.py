@@ -19,7 +19,6 @@ from rampcast.recording.smoothing import LONGEST_FILLED_GAP
 from rampcast.traffic import find_anchors, find_neighbours, on_ramp_vehicles
 from rampcast.traffic.neighbours import NONE
 
-READ_FIRST = "rc.read makes one of files"
 ANCHOR_SPACING = 1.0  # [s] between the moments at which neighbours are counted
 
 

@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float, Shaped
 
 from rampcast.arguments import expected
 from rampcast.doctor.checks.ramp import seen_long
-from rampcast.doctor.subject import READ_FIRST, Subject, subject_of
+from rampcast.doctor.subject import Subject, subject_of
 from rampcast.notebook import html_table
 from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
-from rampcast.recording.recording import Recording
+from rampcast.recording.recording import READ_FIRST, Recording
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
 NAME = "name"  # of a window

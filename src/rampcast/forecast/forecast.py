@@ -11,6 +11,7 @@ from rampcast.forecast.conflicts import Conflicts, conflicts
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecast
 from rampcast.forecast.tables import BANDS, TIMES, keys, lane_change_table, position_table
 from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
+from rampcast.notebook import html_table
 
 NAME = "rampcast"  # in the column "model" of every table
 
@@ -33,6 +34,16 @@ class Forecast:
 
     def __len__(self) -> int:
         return len(self.t0)
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "windows": ", ".join(sorted(set(self.recording.tolist()))),
+            "vehicles": f"{len({*zip(self.recording.tolist(), self.vehicle.tolist(), strict=True)}):,}",
+            "forecasts": f"{len(self):,}, of a vehicle at a moment each",
+            "moments": f"{self.t0.min():.1f} to {self.t0.max():.1f} s" if len(self) else "none",
+            "futures": f"{self.scene.samples.shape[1]} of {FUTURE * STEP:g} s for each",
+        }
+        return html_table("Forecast", rows)
 
     @cached_property
     def x(self) -> dict[str, Float[np.ndarray, "scene future"]]:

@@ -1,6 +1,6 @@
 """The forecaster: learns from recordings of a site how its vehicles drive and merge, and forecasts others of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Int
@@ -87,6 +87,7 @@ class Forecaster:
 def fit(
     recording: Recording,
     *,
+    every: float | None = None,
     spec: ForecasterSpec | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
@@ -95,6 +96,7 @@ def fit(
 
     Args:
         recording: all windows to train on, of one site.
+        every: time between training anchors [s], a multiple of 0.2, the longer the quicker; None takes the spec's.
         spec: how to train.
         progress: called as (what, done, total).
         threads: to work with; None for RAMPCAST_THREADS, or all cores.
@@ -103,6 +105,7 @@ def fit(
         RampcastError: it is no smoothed recording, its site has no ramp, or no vehicle is on the ramp for 4 s.
     """
     spec, tell = spec or ForecasterSpec(), progress or tell_nobody
+    spec = spec if every is None else replace(spec, spacing=every)
     tell("scene forecaster", 0, 1)
     with choosing_threads(threads):
         scene = _fit_scene(recording, spec)

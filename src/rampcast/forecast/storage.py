@@ -30,7 +30,7 @@ KIND = "rampcast"
 VALUES = "values"  # array of a scene forecaster's file that holds its numbers, as json
 
 
-def load(folder: Path) -> RecordingForecaster:
+def load(folder: Path | str) -> RecordingForecaster:
     """Returns the forecaster, of whatever kind, that was saved to the folder.
 
     Raises:
@@ -43,12 +43,13 @@ def load(folder: Path) -> RecordingForecaster:
     return loaded
 
 
-def save(forecaster: Forecaster, folder: Path) -> None:
+def save(forecaster: Forecaster, folder: Path | str) -> None:
     """Writes a model folder, whole or not at all: model.json and scene.npz.
 
     Raises:
         ModelError: something else than a model is there.
     """
+    folder = Path(folder)
     check_replaceable(folder)
     with write_whole_folder(folder) as partial:
         describe(partial, kind=KIND, values=description_of(forecaster, forecaster.training))

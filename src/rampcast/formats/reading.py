@@ -43,12 +43,7 @@ def read(
     Raises:
         RampcastError: a file or frame is not there or not as it should be, or an argument is not.
     """
-    options: dict[str, Any] = {
-        "site": None if site is None else site_of(site),
-        "format": None if format is None else expected(str, format, name="format", advice="the name of a format"),
-        "mapping": None if mapping is None else _path(mapping),
-        "bad_rows": chosen(BadRows, bad_rows, name="bad_rows"),
-    }
+    options: dict[str, Any] = {"site": site, "format": format, "mapping": mapping, "bad_rows": bad_rows}
     if road is None:
         recording, report = read_any(source, **options)
     else:
@@ -57,25 +52,33 @@ def read(
     return replace(recording, report=report)
 
 
-def _path(mapping: object) -> Path:
-    if isinstance(mapping, str | Path):
-        return Path(mapping)
-    raise FormatError(f"mapping: expected the path of a TOML file, got {mapping!r:.100}")
+def _meant(
+    site: object, format: object, mapping: object, bad_rows: object
+) -> tuple[Site | None, str | None, Path | None, BadRows]:
+    """Returns what a caller means by the options of reading."""
+    if not isinstance(mapping, str | Path | None):
+        raise FormatError(f"mapping: expected the path of a TOML file, got {mapping!r:.100}")
+    return (
+        None if site is None else site_of(site),
+        None if format is None else expected(str, format, name="format", advice="the name of a format"),
+        None if mapping is None else Path(mapping),
+        chosen(BadRows, bad_rows, name="bad_rows"),
+    )
 
 
 def read_all(
     source: Source,
     *,
-    site: Site | None = None,
+    site: Site | str | Path | None = None,
     format: str | None = None,
-    mapping: Path | None = None,
-    bad_rows: BadRows = BadRows.RAISE,
+    mapping: str | Path | None = None,
+    bad_rows: BadRows | str = BadRows.RAISE,
 ) -> tuple[Recordings, ReadReport]:
     """Returns the recordings in files or tables of one of the formats, one for each road, and what reading found.
 
     Args:
         source: paths of files, or polars or pandas frames; one or a list, of one format and one place.
-        site: the geometry; None takes the recording's own, tells it by the files' content, or drafts it from them.
+        site: the geometry, its name or its file; None takes the recording's own, tells it by the content, or drafts it.
         format: name of the format; None tells it by the files' content.
         mapping: a TOML file that says what the columns of a foreign table are; None for files in one of the formats.
         bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
@@ -84,7 +87,8 @@ def read_all(
         FormatError: a file is not there, is in no known format, or is not as its format says.
         RecordingError: a recording of rampcast's own cannot be read, or is of another site.
     """
-    return _read(heads_of(source), site, format, mapping, bad_rows)
+    options = _meant(site, format, mapping, bad_rows)
+    return _read(heads_of(source), *options)
 
 
 def _read(
@@ -100,10 +104,10 @@ def _read(
 def read_any(
     source: Source,
     *,
-    site: Site | None = None,
+    site: Site | str | Path | None = None,
     format: str | None = None,
-    mapping: Path | None = None,
-    bad_rows: BadRows = BadRows.RAISE,
+    mapping: str | Path | None = None,
+    bad_rows: BadRows | str = BadRows.RAISE,
 ) -> tuple[Recording, ReadReport]:
     """Returns the one recording in files or tables, and what reading found; arguments as `read_all`.
 
@@ -125,10 +129,10 @@ def convert_all(
     source: Source,
     out: Path,
     *,
-    site: Site | None = None,
+    site: Site | str | Path | None = None,
     format: str | None = None,
-    mapping: Path | None = None,
-    bad_rows: BadRows = BadRows.RAISE,
+    mapping: str | Path | None = None,
+    bad_rows: BadRows | str = BadRows.RAISE,
 ) -> tuple[list[Path], ReadReport]:
     """Writes the recordings in files of one of the formats, and returns the files written and what reading found.
 
@@ -142,6 +146,7 @@ def convert_all(
         RecordingError: as `read_all`.
     """
     out = Path(out)
+    site, format, mapping, bad_rows = _meant(site, format, mapping, bad_rows)
     if out.suffix != ".parquet":
         raise FormatError(f"{out}: a recording is written as a parquet file; choose a name that ends in .parquet")
     heads = heads_of(source)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Int
 
+from rampcast.arguments import chosen
 from rampcast.compute import computing, jax
 from rampcast.errors import ModelError
 from rampcast.forecast.protocol import Progress, check_same_site, tell_nobody
@@ -141,7 +142,7 @@ class PaperForecaster:
 def fit_paper(
     recording: Recording,
     *,
-    mode: Mode,
+    mode: Mode | str,
     spec: PaperSpec | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
@@ -160,7 +161,7 @@ def fit_paper(
             target lane.
     """
     need_ramp(recording)
-    mode, spec = Mode(mode), spec or PaperSpec()
+    mode, spec = chosen(Mode, mode, name="mode"), spec or PaperSpec()
     with choosing_threads(threads):
         ramp, target = for_each_lane(
             lambda lane: fit_neighbours(recording, lane, mode=mode, spec=spec, progress=progress)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import polars as pl
 
 from rampcast import __version__
+from rampcast.arguments import chosen
 from rampcast.errors import RecordingError
 from rampcast.files import write_table, write_whole
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
@@ -41,7 +42,7 @@ from rampcast.paper.report.report import write_report
 from rampcast.paper.storage import load_forests, load_lstm, save, save_forests, save_lstm
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
 from rampcast.recording.hashes import recording_hash
-from rampcast.sites import Site
+from rampcast.sites import Site, site_of
 from rampcast.sites.site import site_to_dict
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
@@ -84,8 +85,8 @@ def reproduce(
     out: Path,
     *,
     protocol: Protocol,
-    site: Site | None = None,
-    bad_rows: BadRows = BadRows.RAISE,
+    site: Site | str | Path | None = None,
+    bad_rows: BadRows | str = BadRows.RAISE,
     progress: Progress | None = None,
 ) -> Path:
     """Runs the protocol and writes models, tables, figures and report.html to a folder; returns the report's path.
@@ -94,7 +95,7 @@ def reproduce(
         files: the three windows of one site, in any form that rampcast reads; other sites' rows are left out.
         out: the folder; what an earlier run finished there is taken over.
         protocol: how to train and score.
-        site: the geometry; None tells it by the files' content.
+        site: the geometry, its name or its file; None tells it by the files' content.
         bad_rows: whether a malformed row is an error or is skipped and counted.
         progress: called as (what, done, total).
 
@@ -103,7 +104,8 @@ def reproduce(
     """
     out, tell = Path(out), progress or tell_nobody
     started = time.perf_counter()
-    recording = _smoothed(files, out, site, bad_rows, tell)
+    site = None if site is None else site_of(site)
+    recording = _smoothed(files, out, site, chosen(BadRows, bad_rows, name="bad_rows"), tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
     test = _window(recording, TEST_WINDOW)
     results = [_scored(training, test, out / "models", mode, protocol, tell) for mode in protocol.modes]

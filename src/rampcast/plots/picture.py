@@ -2,41 +2,61 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+import polars as pl
 from matplotlib.figure import Figure
 
 from rampcast.errors import RampcastError
+from rampcast.forecast import Forecast
+from rampcast.forecast.protocol import RecordingForecast
 from rampcast.plots import style
+from rampcast.plots.forecast_pictures import forecast_fan
 from rampcast.plots.site_geometry import site_geometry
 from rampcast.plots.site_picture import site_picture
 from rampcast.plots.tracks import space_time
 from rampcast.recording import Recording
+from rampcast.recording import columns as c
 from rampcast.sites import Site
+
+DIGITS = 1  # of times in tables [s]
 
 
 @style.styled
-def plot(what: Recording | Site, *, lane: int | Sequence[int] | None = None, window: str | None = None) -> Figure:
+def plot(
+    what: Forecast | RecordingForecast | Recording | Site,
+    *,
+    vehicle: int | None = None,
+    t0: float | None = None,
+    truth: Recording | None = None,
+    lane: int | Sequence[int] | None = None,
+    window: str | None = None,
+) -> Figure:
     """Returns the picture that shows what is given.
 
     A site: its lanes and its ramp. A raw recording: its site with tracks over it. A smoothed recording: position over
-    time, coloured by speed, in which a stop-and-go wave is a dark band.
+    time, coloured by speed, in which a stop-and-go wave is a dark band. A forecast: of one vehicle at one moment, the
+    median, 50 % and 90 % of the futures, and the probability to have merged below.
 
     Args:
         what: to draw.
+        vehicle: of a forecast; None for its first.
+        t0: moment of a forecast [s]; None for the vehicle's first.
+        truth: recording that holds what the vehicle of a forecast did; None draws no truth.
         lane: of a smoothed recording, the lane or lanes to draw; None for the target lane, or all without a ramp.
-        window: of a smoothed recording, the window to draw; None for the first.
+        window: of a forecast or a smoothed recording; None for the first.
 
     Raises:
-        RampcastError: it is none of these, or has no such window.
+        RampcastError: it is none of these, or has no such window, vehicle or moment.
     """
+    if isinstance(what, Forecast):
+        return _fan(what, vehicle, t0, window, truth)
     if isinstance(what, Site):
         lanes = site_geometry(what)
         style.add_title(lanes, what.title)
         return style.figure_of(lanes)
     if not isinstance(what, Recording):
         raise RampcastError(f"plot: expected a Recording, a Site or a Forecast, got a {type(what).__name__}")
-    if not what.is_smoothed:
-        return site_picture(what)
-    return _space_time(what, lane, window or what.names[0])
+    return _space_time(what, lane, window or what.names[0]) if what.is_smoothed else site_picture(what)
 
 
 def _space_time(recording: Recording, lane: int | Sequence[int] | None, window: str) -> Figure:
@@ -47,3 +67,37 @@ def _space_time(recording: Recording, lane: int | Sequence[int] | None, window: 
     lanes = lane if isinstance(lane, int) else ", ".join(map(str, lane))
     drawn.set_title(f"{site.title}, {window}, lane {lanes}")
     return style.figure_of(drawn)
+
+
+def _fan(
+    forecast: Forecast, vehicle: int | None, t0: float | None, window: str | None, truth: Recording | None
+) -> Figure:
+    scene = _scene(forecast, vehicle, t0, window)
+    key = {c.RECORDING: str(forecast.recording[scene]), c.VEHICLE: int(forecast.vehicle[scene])}
+    moment, start = round(float(forecast.t0[scene]), DIGITS), float(forecast.start[scene])
+    table = forecast.position_table().filter(**key, t0=moment)
+    table = table.with_columns(p_within=pl.Series(forecast.scene.p_within[scene]))
+    seen = pl.DataFrame(schema={"horizon": pl.Float64, "x_true": pl.Float64})
+    if truth is not None:
+        time = (pl.col(c.FRAME) * truth.time_step - moment).round(DIGITS)
+        seen = truth.tracks.filter(**key).select(horizon=time, x_true=c.X)
+    places = pl.col("^x(_.*)?$") - start
+    fan = forecast_fan(table.join(seen, on="horizon", how="left").with_columns(places))
+    style.add_title(fan, f"Vehicle {key[c.VEHICLE]} of {key[c.RECORDING]} at {moment:g} s")
+    return style.figure_of(fan)
+
+
+def _scene(forecast: Forecast, vehicle: int | None, t0: float | None, window: str | None) -> int:
+    """Returns the place in the forecast of the first scene that is asked for."""
+    asked = np.ones(len(forecast), dtype=bool)
+    asked &= (window is None) | (forecast.recording == window)
+    asked &= (vehicle is None) | (forecast.vehicle == vehicle)
+    asked &= (t0 is None) | (np.abs(forecast.t0 - (t0 or 0.0)) < 0.5 * 10.0**-DIGITS)
+    if not asked.any():
+        raise RampcastError(
+            f"there is no forecast of vehicle {vehicle} at t0 = {t0} s in window {window} (None: any); "
+            f"there are {len(forecast)}, the first of vehicle {forecast.vehicle[0]} at {forecast.t0[0]:.1f} s"
+            if len(forecast)
+            else "there is nothing in this forecast"
+        )
+    return int(np.flatnonzero(asked)[0])

@@ -20,6 +20,7 @@ from rampcast.sites.site import Site, site_from_dict, site_to_dict
 KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
 FILE_VERSION = 1
 METADATA_KEY = "rampcast"
+READ_FIRST = "rc.read makes one of files"  # what to do where a recording is expected
 LEVEL = 1  # of zstd: the fastest
 
 

@@ -16,7 +16,7 @@ from rampcast.arguments import expected
 from rampcast.errors import RecordingError
 from rampcast.horizon import SAME_STEP, STEP
 from rampcast.recording import columns as c
-from rampcast.recording.recording import KEY, Recording
+from rampcast.recording.recording import KEY, READ_FIRST, Recording
 from rampcast.recording.resampling import EVEN_STEP, resample
 
 HALF_WINDOW = 1.0  # [s] 21 samples at 10 Hz; the paper gives none, fixed on the method page, section 3
@@ -146,7 +146,7 @@ def derivative(
 
 
 def _check(recording: Recording) -> None:
-    expected(Recording, recording, name="recording", advice="rc.read makes one of files")
+    expected(Recording, recording, name="recording", advice=READ_FIRST)
     if recording.is_smoothed:
         raise RecordingError("this recording is smoothed already; clean the raw one")
     if recording.tracks.is_empty():

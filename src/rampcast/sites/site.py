@@ -162,7 +162,7 @@ def load_site(name: str | Path) -> Site:
         raise SiteError(f"{path}: {error}") from error
 
 
-def site_of(site: Site | str | Path) -> Site:
+def site_of(site: object) -> Site:
     """Returns a site that is given by itself, by its name, or by the path of its file.
 
     Raises:

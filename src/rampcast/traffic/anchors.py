@@ -6,10 +6,12 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
-from rampcast.errors import RampcastError, RecordingError
+from rampcast.arguments import expected
+from rampcast.errors import RecordingError
 from rampcast.horizon import PAST, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.recording import READ_FIRST
 from rampcast.sites import Site
 from rampcast.traffic.neighbours import on_ramp_vehicles
 
@@ -36,23 +38,11 @@ def need_ramp(recording: Recording) -> None:
     Raises:
         RecordingError: its site has no ramp.
     """
+    expected(Recording, recording, name="recording", advice=READ_FIRST)
     if not recording.site.has_ramp:
         raise RecordingError(
             f"site '{recording.site.name}' has no lane of role 'ramp': there is no merge to forecast; say which lane "
             "is the ramp, and where it ends, with `rampcast site`"
-        )
-
-
-def check_recording(value: object) -> None:
-    """Checks that something is a recording.
-
-    Raises:
-        RampcastError: it is something else.
-    """
-    if not isinstance(value, Recording):
-        raise RampcastError(
-            f"expected a Recording, got {type(value).__name__}; read it first, `recording, report = read_any(files)`, "
-            "and smooth it, `recording, report = clean(recording)`"
         )
 
 
@@ -70,10 +60,10 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
         RecordingError: the recording is not smoothed, `every` is no multiple of 0.2 s, or no vehicle is on the ramp for
             4 s.
     """
-    check_recording(recording)
+    expected(Recording, recording, name="recording", advice=READ_FIRST)
     if not recording.is_smoothed:
         raise RecordingError(
-            "scenes need velocities: smooth the recording first, `recording, report = clean(recording)`"
+            "a forecast needs velocities: smooth the recording first, `recording, changes = rc.clean(recording)`"
         )
     need_ramp(recording)
     spacing = round(every / STEP)
