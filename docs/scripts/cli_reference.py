@@ -47,6 +47,8 @@ def _rows(callback: Callable[..., Any]) -> Iterator[str]:
     hints = get_type_hints(callback, include_extras=True)
     for name, parameter in inspect.signature(callback).parameters.items():
         kind, info = get_args(hints[name])
+        if info.hidden:
+            continue
         required = parameter.default is inspect.Parameter.empty
         default = "**required**" if required else _default(parameter.default)
         several = "..." if get_origin(kind) is list else ""
