@@ -125,6 +125,7 @@ print(", ".join(result.tables))
 # ## 8. Save and load
 #
 # A model folder holds plain data (no pickled code), the training data's hash and the versions it was made with.
+# Later releases read it too.
 
 # %%
 rc.save(forecaster, out / "model")

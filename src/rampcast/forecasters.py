@@ -147,9 +147,9 @@ _TABLE = (
 FORECASTERS = {entry.name: entry for entry in _TABLE}
 OWN = "rampcast"  # the default, which stands first in pictures
 
-FOLDERS = {  # what loads a model folder, by the kind that its description names
-    "rampcast": Reference("rampcast.forecast.storage:load_ours"),
-    "paper": Reference("rampcast.paper.storage:load_paper"),
+FOLDERS = {  # the modules with the `TAGS` of what a model folder holds, by the kind that it names
+    "rampcast": "rampcast.forecast.tags",
+    "paper": "rampcast.paper.tags",
 }
 
 

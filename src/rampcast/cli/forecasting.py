@@ -54,7 +54,7 @@ def train(
     mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
     """Trains the forecaster; with --paper the paper's framework: two neighbour LSTMs and 32 lane-change forests."""
-    from rampcast.forecast.storage import check_replaceable
+    from rampcast.models.folder import check_replaceable
 
     if mode is not None:
         raise RampcastError(
@@ -78,8 +78,8 @@ def train_ours(recording: "Recording", out: Path, *, seed: int, progress: "Progr
 
 
 def train_paper(recording: "Recording", out: Path, *, mode: Mode, spec: "PaperSpec", progress: "Progress") -> None:
+    from rampcast.forecast.storage import save
     from rampcast.paper.framework import fit_paper
-    from rampcast.paper.storage import save
 
     save(fit_paper(recording, mode=mode, spec=spec, progress=progress), out)
 

@@ -10,7 +10,6 @@ from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSp
 from rampcast.forecast.protocol import Progress, check_same_site, tell_nobody
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
 from rampcast.horizon import STEP
-from rampcast.models.plain_data import as_plain
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.hashes import recording_hash, window_hashes
@@ -112,7 +111,7 @@ def fit(
     tell("scene forecaster", 1, 1)
     return Forecaster(
         site=recording.site,
-        scene=as_plain(scene),
+        scene=scene,
         training=spec,
         trained_on=tuple(recording.names),
         data_hash=recording_hash(recording),

@@ -11,7 +11,6 @@ Source: Papadopoulos, Gammerman and Vovk 2008 for normalised residuals; Vovk 201
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -22,9 +21,11 @@ from threadpoolctl import threadpool_limits
 
 from rampcast.models.folds import Fold
 from rampcast.models.merge_features import Regime
-from rampcast.models.ranked_line import fit_ranked_line
+from rampcast.models.ranked_line import RankedLine, fit_ranked_line
+from rampcast.models.trees import BoostedTrees, boosted_trees
 
-Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Any]  # of a model that can predict
+Model = BoostedTrees | RankedLine
+Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Model]
 
 KNOTS = np.array([4, 9, 14, 24, 39, 49, 59, 74])  # steps of 0.2 s: 1, 2, 3, 5, 8, 10, 12, 15 s
 LEVELS = np.linspace(0.01, 0.99, 99)
@@ -80,7 +81,7 @@ class Rolled:
 
 
 @dataclass(frozen=True)
-class _Knot:
+class KnotCorrection:
     """The correction at one knot; without models the roll-outs stay as they are.
 
     Attributes:
@@ -93,8 +94,8 @@ class _Knot:
     """
 
     kept: Bool[np.ndarray, "column"]
-    medians: tuple[Any, ...]
-    sizes: tuple[Any, ...]
+    medians: tuple[Model, ...]
+    sizes: tuple[Model, ...]
     strength: float
     sized: bool
     scores: Float[np.ndarray, "regime level"]
@@ -104,7 +105,7 @@ class _Knot:
 class Correction:
     """A fitted correction, one part for each knot."""
 
-    knots: tuple[_Knot, ...]
+    knots: tuple[KnotCorrection, ...]
 
     def quantiles(self, rolled: Rolled) -> Float[np.ndarray, "row knot level"]:
         """Returns the quantiles of the displacement at the knots [m], rising with the level."""
@@ -167,13 +168,13 @@ def _fit_knot(
     folds: Sequence[Fold],
     seed: int,
     spec: CorrectionSpec,
-) -> _Knot:
+) -> KnotCorrection:
     table, seen = rolled.table(knot), np.isfinite(truth)
     kept = np.isfinite(table[seen]).any(axis=0)  # trees cannot be fitted to a column of nothing
     table, spread = table[:, kept], _floored(rolled.spread[:, knot])
     beyond = truth - rolled.median[:, knot]
     if seen.sum() < spec.least_cases:
-        return _Knot(kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec))
+        return KnotCorrection(kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec))
     of_median, of_size = (_trees(seed, spec, spec.trees), fit_ranked_line), _trees(seed, spec, spec.trees // 2)
     unseen = np.mean([_out_of_fold(table, beyond, seen, folds, fit, spec) for fit in of_median], axis=0)
     strength = _strength(beyond[seen], unseen[seen], spec.strengths)
@@ -184,7 +185,7 @@ def _fit_knot(
     medians = tuple(fit(table[seen], beyond[seen]) for fit in of_median) if strength else ()
     sizes = (of_size(table[seen], (np.abs(left) / spread)[seen]),) if sized else ()
     scores = _scores(left / (size if sized else spread), seen, rolled.regime, group, spec)
-    return _Knot(kept, medians, sizes, strength, bool(sized), scores)
+    return KnotCorrection(kept, medians, sizes, strength, bool(sized), scores)
 
 
 def _strength(beyond: Float[np.ndarray, "row"], unseen: Float[np.ndarray, "row"], strengths: Sequence[float]) -> float:
@@ -210,7 +211,7 @@ def _trees(seed: int, spec: CorrectionSpec, count: int) -> Fit:
         early_stopping=False,
         random_state=seed,
     )
-    return lambda table, wanted: clone(trees).fit(table, wanted)
+    return lambda table, wanted: boosted_trees(clone(trees).fit(table, wanted))
 
 
 def _out_of_fold(
@@ -269,7 +270,7 @@ def _floored(spread: Float[np.ndarray, "row"]) -> Float[np.ndarray, "row"]:
     return np.maximum(spread, LEAST_SPREAD)
 
 
-def _quantiles(knot: _Knot, rolled: Rolled, number: int) -> Float[np.ndarray, "row level"]:
+def _quantiles(knot: KnotCorrection, rolled: Rolled, number: int) -> Float[np.ndarray, "row level"]:
     table = rolled.table(number)[:, knot.kept]
     median, size = rolled.median[:, number], _floored(rolled.spread[:, number])
     if knot.medians:

@@ -94,7 +94,7 @@ def fit_merge_forest(
     table = _filled(table)
     unseen = _out_of_fold(table, merged, weight, folds, seed)
     errors = [
-        np.nanmean(weight[:, None] * (part * unseen + (1.0 - part) * rolled[:, MOMENTS] - merged) ** 2, axis=0)
+        np.nansum(weight[:, None] * (part * unseen + (1.0 - part) * rolled[:, MOMENTS] - merged) ** 2, axis=0)
         for part in SHARES
     ]
     best = np.array(SHARES)[np.argmin(errors, axis=0)]

@@ -1,23 +1,23 @@
-"""Dataclasses and named tuples of arrays and numbers as plain data, and back: what json holds, and arrays by name.
+"""Models as plain data, and back: what json holds, and arrays by name.
 
-A new field of a model needs nothing here. Boosted trees of scikit-learn become `models.trees.BoostedTrees`,
-which predict the same. Only dataclasses, named tuples and enumerations of rampcast itself are made when reading.
+A model is made of dataclasses, tuples, enumerations, arrays and numbers. Each class has a tag, a short name that stays
+when the class is moved or renamed; what is read becomes an instance of a tagged class or nothing. A field that has a
+default may be missing, so a new field of a model needs nothing here, and older data is read on.
 """
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields
 from enum import Enum
-from importlib import import_module
-from typing import Any, NamedTuple
+from types import UnionType
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-import jax
 import numpy as np
-from sklearn.ensemble import HistGradientBoostingRegressor
+from jaxtyping import jaxtyped
 
+from rampcast.compute import jax
 from rampcast.errors import ModelError
-from rampcast.models.trees import boosted_trees
 
-PACKAGE = "rampcast"
+TAG, ARRAY, VALUE = "tag", "array", "value"  # keys of objects in json; no field is named as the first two
 PLAIN = (bool, int, float, str, type(None))
 
 
@@ -33,85 +33,126 @@ class Record(NamedTuple):
     arrays: dict[str, np.ndarray]
 
 
-def to_record(value: Any, name: str = "") -> Record:
+@dataclass(frozen=True)
+class OwnForm:
+    """A class with a form of its own as json.
+
+    Attributes:
+        kind: the class.
+        write, read: to that form, and from it.
+    """
+
+    kind: type
+    write: Callable[[Any], dict[str, Any]]
+    read: Callable[[dict[str, Any]], Any]
+
+
+Tags = Mapping[str, type | OwnForm]
+
+
+def to_record(value: Any, tags: Tags, name: str = "") -> Record:
     """Returns a value as plain data.
 
     Args:
-        value: of dataclasses, tuples, arrays, numbers, texts and fitted boosted trees.
+        value: of tagged classes, tuples, arrays, numbers and texts.
+        tags: the class of each tag.
         name: where it stands in what it is part of.
 
     Raises:
         TypeError: something else is in it.
     """
-    if isinstance(value, HistGradientBoostingRegressor):
-        value = boosted_trees(value)
     if isinstance(value, np.ndarray | jax.Array):
-        return Record({"array": name}, {name: np.asarray(value)})
+        return Record({ARRAY: name}, {name: np.asarray(value)})
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, Enum):
-        return Record({"class": _class_name(value), "value": value.value}, {})
-    if isinstance(value, PLAIN):
+    if isinstance(value, PLAIN) and not isinstance(value, Enum):
         return Record(value, {})
-    if (names := _field_names(value)) is not None:
-        parts = {key: to_record(getattr(value, key), f"{name}.{key}".lstrip(".")) for key in names}
-        values = {key: part.values for key, part in parts.items()}
-        return Record({"class": _class_name(value), "fields": values}, _joined(parts))
     if isinstance(value, tuple | list):
-        parts = {str(number): to_record(part, f"{name}.{number}") for number, part in enumerate(value)}
-        return Record([part.values for part in parts.values()], _joined(parts))
-    raise TypeError(f"{name or 'the value'} is a {type(value).__name__}, which is no plain data")
+        return _joined([to_record(part, tags, f"{name}.{number}".lstrip(".")) for number, part in enumerate(value)])
+    tag = next((tag for tag, form in tags.items() if _class_of(form) is type(value)), None)
+    if tag is None:
+        raise TypeError(f"{name or 'the value'} is a {type(value).__name__}, which has no tag")
+    if isinstance(value, Enum):
+        return Record({TAG: tag, VALUE: value.value}, {})
+    if isinstance(form := tags[tag], OwnForm):
+        return Record({TAG: tag, VALUE: form.write(value)}, {})
+    names = [field.name for field in fields(value)]
+    parts = _joined([to_record(getattr(value, one), tags, f"{name}.{one}".lstrip(".")) for one in names])
+    return Record({TAG: tag} | dict(zip(names, parts.values, strict=True)), parts.arrays)
 
 
-def from_record(record: Record) -> Any:
+def from_record(record: Record, tags: Tags) -> Any:
     """Returns the value that `to_record` described; lists are tuples then.
 
     Raises:
-        ModelError: it names a class that is none of rampcast's, or lacks an array.
+        ModelError: it has a tag or a field that is not known, or lacks a field or an array, or a value is not what its
+            field holds.
     """
-    return _read(record.values, record.arrays)
+    return _read(record.values, record.arrays, tags)
 
 
-def as_plain(value: Any) -> Any:
-    """Returns the value with nothing in it but what can be kept: the same as after saving and loading."""
-    return from_record(to_record(value))
-
-
-def _read(values: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+def _read(values: Any, arrays: Mapping[str, np.ndarray], tags: Tags) -> Any:
     if isinstance(values, list):
-        return tuple(_read(part, arrays) for part in values)
+        return tuple(_read(part, arrays, tags) for part in values)
     if not isinstance(values, dict):
         return values
-    if "array" in values:
-        if values["array"] not in arrays:
-            raise ModelError(f"the array '{values['array']}' is missing; train the model again")
-        return arrays[values["array"]]
-    kind = _class_of(str(values["class"]))
-    if "value" in values:
-        return kind(values["value"])
-    return kind(**{key: _read(part, arrays) for key, part in values["fields"].items()})
+    if ARRAY in values:
+        if values[ARRAY] not in arrays:
+            raise ModelError(f"the array '{values[ARRAY]}' is missing")
+        return arrays[values[ARRAY]]
+    if values[TAG] not in tags:
+        raise ModelError(f"'{values[TAG]}' is no part of a model that this rampcast knows")
+    form = tags[values[TAG]]
+    if isinstance(form, OwnForm):
+        return form.read(values[VALUE])
+    if issubclass(form, Enum):
+        return form(values[VALUE])
+    return _made(form, values[TAG], {key: _read(part, arrays, tags) for key, part in values.items() if key != TAG})
 
 
-def _field_names(value: object) -> list[str] | None:
-    """Returns the names of the fields of a dataclass or a named tuple; None of anything else."""
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return list(value._fields)
-    return [field.name for field in fields(value)] if is_dataclass(value) and not isinstance(value, type) else None
+def _made(kind: Any, tag: str, values: Mapping[str, Any]) -> Any:
+    """Returns an instance of a dataclass whose fields hold what they are declared to hold."""
+    known = {field.name: field for field in fields(kind)}
+    if strange := [name for name in values if name not in known]:
+        raise ModelError(f"'{tag}' has the field '{strange[0]}', which this rampcast does not know")
+    optional = [name for name, one in known.items() if not (one.default is MISSING and one.default_factory is MISSING)]
+    if absent := [name for name in known if name not in values and name not in optional]:
+        raise ModelError(f"'{tag}' lacks the field '{absent[0]}'")
+    made, hints = kind(**values), get_type_hints(kind)
+    with jaxtyped("context"):  # an axis of the same name is as long in each array
+        for name in known:
+            value, hint = getattr(made, name), hints[name]
+            # arrays are looked at here and not in a function, for in that their axes would be others
+            if not (isinstance(value, hint) if hasattr(hint, "array_type") else _fits(value, hint)):
+                expected = getattr(hint, "__name__", str(hint))
+                raise ModelError(f"'{tag}': expected {expected} for '{name}', got {_shown(value)}")
+    return made
 
 
-def _joined(parts: Mapping[str, Record]) -> dict[str, np.ndarray]:
-    return {name: array for part in parts.values() for name, array in part.arrays.items()}
+def _fits(value: Any, hint: Any) -> bool:
+    origin, parts = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return True
+    if origin in (Union, UnionType):
+        return any(_fits(value, part) for part in parts)
+    if origin is tuple and parts[-1] is Ellipsis:
+        return isinstance(value, tuple) and all(_fits(part, parts[0]) for part in value)
+    if origin is tuple:
+        return isinstance(value, tuple) and len(value) == len(parts) and all(map(_fits, value, parts))
+    if hint in (int, float):  # a whole number is a float too, a truth is neither
+        return isinstance(value, (int, hint)) and not isinstance(value, bool)
+    return isinstance(value, hint)
 
 
-def _class_name(value: object) -> str:
-    return f"{type(value).__module__}:{type(value).__qualname__}"
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray | jax.Array):
+        return f"{value.dtype} of shape {value.shape}"
+    return f"{type(value).__name__} {value!r:.60}"
 
 
-def _class_of(name: str) -> Any:
-    module, _, qualified = name.partition(":")
-    if module.split(".")[0] == PACKAGE and qualified.isidentifier():
-        found = getattr(import_module(module), qualified, None)
-        kept = is_dataclass(found) or hasattr(found, "_fields") or (isinstance(found, type) and issubclass(found, Enum))
-        if isinstance(found, type) and kept:
-            return found
-    raise ModelError(f"'{name}' is no part of a model: the file is damaged; train the model again")
+def _class_of(form: type | OwnForm) -> type:
+    return form.kind if isinstance(form, OwnForm) else form
+
+
+def _joined(parts: list[Record]) -> Record:
+    return Record([part.values for part in parts], {name: one for part in parts for name, one in part.arrays.items()})

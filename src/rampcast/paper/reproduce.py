@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -22,10 +23,12 @@ from rampcast.files import write_table, write_whole
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.protocol import Progress, RecordingForecaster, tell_nobody
-from rampcast.forecast.storage import load_ours, versions
-from rampcast.forecast.storage import save as save_ours
+from rampcast.forecast.storage import save
+from rampcast.forecast.tags import TAGS as OUR_TAGS
 from rampcast.formats import BadRows, read_any, why_not
 from rampcast.models.correction import CorrectionSpec
+from rampcast.models.folder import load_model, save_model, versions
+from rampcast.models.plain_data import Tags
 from rampcast.paper.framework import (
     PaperForecaster,
     PaperSpec,
@@ -34,12 +37,13 @@ from rampcast.paper.framework import (
     fit_neighbours,
     for_each_lane,
 )
+from rampcast.paper.lane_change.forests import LaneChangeForests
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm
 from rampcast.paper.protocol import Evaluation, evaluate, run_counts
 from rampcast.paper.report.report import write_report
-from rampcast.paper.storage import load_forests, load_lstm, save, save_forests, save_lstm
+from rampcast.paper.tags import TAGS
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
 from rampcast.recording.hashes import recording_hash
 from rampcast.sites import Site, site_of
@@ -238,15 +242,10 @@ def _scored(
 
 
 def _ours(recording: Recording, models: Path, spec: ForecasterSpec, tell: Progress) -> Forecaster:
-    return _kept(
-        models,
-        "rampcast",
-        _inputs(recording, spec),
-        models / "rampcast",
-        lambda: fit(recording, spec=spec, progress=tell),
-        save_ours,
-        load_ours,
-    )
+    def train() -> Forecaster:
+        return fit(recording, spec=spec, progress=tell)
+
+    return _kept_model(models / "rampcast", _inputs(recording, spec), train, OUR_TAGS, kind="rampcast")
 
 
 def _paper(recording: Recording, folder: Path, mode: Mode, spec: PaperSpec, tell: Progress) -> PaperForecaster:
@@ -257,19 +256,14 @@ def _paper(recording: Recording, folder: Path, mode: Mode, spec: PaperSpec, tell
         def fit() -> NeighbourLstm:
             return fit_neighbours(recording, lane, mode=mode, spec=spec, progress=tell)
 
-        return _kept(parts, lane, inputs, parts / lane, fit, save_lstm, load_lstm)
+        return _kept_model(parts / lane, inputs, fit, TAGS, kind="neighbours")
+
+    def forests() -> LaneChangeForests:
+        return fit_lane_changes(recording, mode=mode, spec=spec, progress=tell)
 
     ramp, target = for_each_lane(lstm)
-    forests = _kept(
-        parts,
-        "forests",
-        inputs,
-        parts / "forests.npz",
-        lambda: fit_lane_changes(recording, mode=mode, spec=spec, progress=tell),
-        save_forests,
-        load_forests,
-    )
-    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=forests)
+    lane_changes = _kept_model(parts / "forests", inputs, forests, TAGS, kind="lane_changes")
+    forecaster = assemble(recording, mode=mode, spec=spec, ramp=ramp, target=target, forests=lane_changes)
     save(forecaster, folder)
     return forecaster
 
@@ -277,6 +271,11 @@ def _paper(recording: Recording, folder: Path, mode: Mode, spec: PaperSpec, tell
 def _inputs(recording: Recording, spec: ForecasterSpec | PaperSpec) -> dict[str, Any]:
     """Returns all that a trained part depends on."""
     return {"data": recording_hash(recording), "site": site_to_dict(recording.site), "spec": asdict(spec)}
+
+
+def _kept_model(path: Path, inputs: object, make: Callable[[], T], tags: Tags, *, kind: str) -> T:
+    write, read = partial(save_model, tags=tags), partial(load_model, tags=tags, kind=kind)
+    return _kept(path.parent, path.name, inputs, path, make, write, read)
 
 
 def _kept(

@@ -1,6 +1,7 @@
 """The 32 lane-change forests: equal to scikit-learn, honest about what they were trained on."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -8,7 +9,8 @@ import pytest
 
 from rampcast.errors import ModelError
 from rampcast.forecast.tables import TIMES
-from rampcast.models.plain_data import as_plain, to_record
+from rampcast.models.folder import load_model, save_model
+from rampcast.models.plain_data import to_record
 from rampcast.paper.lane_change.forests import (
     SPECS,
     Cumulative,
@@ -22,6 +24,7 @@ from rampcast.paper.lane_change.forests import (
 )
 from rampcast.paper.lane_change.sets import KINDS, Anchors, Reading, Sampling
 from rampcast.paper.laws.mode import Mode
+from rampcast.paper.tags import TAGS
 from tests.factories import random_anchors
 
 SMALL = ForestSpec(n_trees=3)
@@ -45,8 +48,8 @@ def test_the_answer_for_a_scene_does_not_depend_on_the_others(forests: LaneChang
 
 
 def test_the_seed_fixes_everything(anchors: Anchors, forests: LaneChangeForests) -> None:
-    again, other = (to_record(fit(anchors, spec=SMALL, seed=seed)).arrays for seed in (1, 2))
-    for name, array in to_record(forests).arrays.items():
+    again, other = (to_record(fit(anchors, spec=SMALL, seed=seed), TAGS).arrays for seed in (1, 2))
+    for name, array in to_record(forests, TAGS).arrays.items():
         assert np.array_equal(array, again[name], equal_nan=array.dtype.kind == "f"), name
     assert not np.array_equal(other["packed.trees.left"], again["packed.trees.left"])
 
@@ -59,8 +62,9 @@ def test_forests_learn(forests: LaneChangeForests) -> None:
     assert at[near, 3].mean() > at[test.change_time > 6.0, 3].mean() + 0.2
 
 
-def test_forests_as_plain_data_are_the_same_forests(forests: LaneChangeForests, anchors: Anchors) -> None:
-    loaded = as_plain(forests)
+def test_saved_forests_are_the_same_forests(forests: LaneChangeForests, anchors: Anchors, tmp_path: Path) -> None:
+    save_model(forests, tmp_path / "forests", TAGS)
+    loaded = load_model(tmp_path / "forests", TAGS, kind="lane_changes")
     assert loaded.spec == forests.spec
     assert loaded.reading is forests.reading
     for mine, theirs in zip(predict(forests, anchors.features), predict(loaded, anchors.features), strict=True):

@@ -38,14 +38,10 @@ class LstmSpec:
 class Cell(eqx.Module):
     """The weights of one LSTM layer; the gates input, forget, candidate and output lie side by side."""
 
-    weights: Float[Array, "fan_in gates"]  # of the input and the hidden state, one below the other
-    bias: Float[Array, "gates"]
-
-    def __init__(self, inputs: int, units: int, *, key: PRNGKeyArray) -> None:
-        limit = float(np.sqrt(6 / (inputs + units + 4 * units)))  # Glorot and Bengio (2010), eq. 16
-        self.weights = jax.random.uniform(key, (inputs + units, 4 * units), PRECISION, -limit, limit)
-        # a forget gate that starts open: Jozefowicz, Zaremba and Sutskever (2015), section 5
-        self.bias = jnp.zeros(4 * units, PRECISION).at[units : 2 * units].set(1)
+    weights: Float[Array, "fan_in gates"] = eqx.field(
+        converter=jnp.asarray
+    )  # of the input and the hidden state, one below the other
+    bias: Float[Array, "gates"] = eqx.field(converter=jnp.asarray)
 
     def __call__(self, inputs: Float[Array, "batch inputs"], state: State) -> State:
         """Returns the hidden state and the cell state after one step. Source: Hochreiter and Schmidhuber (1997)."""
@@ -61,16 +57,8 @@ class Network(eqx.Module):
 
     encoder: tuple[Cell, Cell]
     decoder: tuple[Cell, Cell]
-    output: Float[Array, "units"]
-    offset: Float[Array, ""]
-
-    def __init__(self, units: int, *, key: PRNGKeyArray) -> None:
-        keys = jax.random.split(key, 5)
-        self.encoder = (Cell(1, units, key=keys[0]), Cell(units, units, key=keys[1]))
-        self.decoder = (Cell(units, units, key=keys[2]), Cell(units, units, key=keys[3]))
-        limit = float(np.sqrt(6 / (units + 1)))
-        self.output = jax.random.uniform(keys[4], (units,), PRECISION, -limit, limit)
-        self.offset = jnp.zeros((), PRECISION)
+    output: Float[Array, "units"] = eqx.field(converter=jnp.asarray)
+    offset: Float[Array, ""] = eqx.field(converter=jnp.asarray)
 
     def __call__(self, sequences: Float[Array, "batch past"]) -> Float[Array, "batch"]:
         """Returns the scaled next value of each scaled sequence."""
@@ -85,6 +73,24 @@ class Network(eqx.Module):
         first = self.decoder[0](second[0], first)
         second = self.decoder[1](first[0], second)
         return second[0] @ self.output + self.offset
+
+
+def _fresh_cell(inputs: int, units: int, *, key: PRNGKeyArray) -> Cell:
+    limit = float(np.sqrt(6 / (inputs + units + 4 * units)))  # Glorot and Bengio (2010), eq. 16
+    weights = jax.random.uniform(key, (inputs + units, 4 * units), PRECISION, -limit, limit)
+    # a forget gate that starts open: Jozefowicz, Zaremba and Sutskever (2015), section 5
+    return Cell(weights, jnp.zeros(4 * units, PRECISION).at[units : 2 * units].set(1))
+
+
+def _fresh_network(units: int, *, key: PRNGKeyArray) -> Network:
+    keys = jax.random.split(key, 5)
+    limit = float(np.sqrt(6 / (units + 1)))
+    return Network(
+        encoder=(_fresh_cell(1, units, key=keys[0]), _fresh_cell(units, units, key=keys[1])),
+        decoder=(_fresh_cell(units, units, key=keys[2]), _fresh_cell(units, units, key=keys[3])),
+        output=jax.random.uniform(keys[4], (units,), PRECISION, -limit, limit),
+        offset=jnp.zeros((), PRECISION),
+    )
 
 
 def _sigmoid(values: Array) -> Array:
@@ -148,7 +154,7 @@ def fit_lstm(
     lowest, highest = _scale(shifted, mode)
     scaled = _to_unit(shifted, lowest, highest).astype(PRECISION)
     key, weights_key = jax.random.split(key)
-    network = Network(spec.units, key=weights_key)
+    network = _fresh_network(spec.units, key=weights_key)
     batch = min(spec.batch, len(windows))
     steps = len(windows) // batch
     optimiser = optax.adam(optax.exponential_decay(spec.learning_rate, steps, spec.decay, staircase=True), eps=1e-7)

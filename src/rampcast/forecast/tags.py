@@ -1,0 +1,45 @@
+"""The tags of the classes that a forecaster is made of: the names by which model folders know them.
+
+A tag stays when its class is moved or renamed. A new class needs a line here; a test names those that lack one.
+"""
+
+from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
+from rampcast.forecast.merge_roll_out import MergeRollOut
+from rampcast.forecast.platoon_forecaster import PlatoonForecaster, PlatoonForecasterSpec
+from rampcast.forecast.platoon_roll_out import RollOut
+from rampcast.forecast.scene_forecaster import MergeForecaster, SceneForecaster
+from rampcast.models.correction import Correction, CorrectionSpec, KnotCorrection
+from rampcast.models.disturbance import Disturbance
+from rampcast.models.drivers import DriverPrior
+from rampcast.models.merge_forest import MergeForest
+from rampcast.models.merging import MergeHazard
+from rampcast.models.plain_data import OwnForm, Tags
+from rampcast.models.platoon_head import Head
+from rampcast.models.ranked_line import RankedLine
+from rampcast.models.trees import BoostedTrees, Trees
+from rampcast.sites import Site
+from rampcast.sites.site import site_from_dict, site_to_dict
+
+SITE = OwnForm(Site, site_to_dict, site_from_dict)
+TAGS: Tags = {
+    "rampcast": Forecaster,
+    "training": ForecasterSpec,
+    "site": SITE,
+    "scene": SceneForecaster,
+    "platoons": PlatoonForecaster,
+    "merges": MergeForecaster,
+    "samples": PlatoonForecasterSpec,
+    "roll_out": RollOut,
+    "merge_roll_out": MergeRollOut,
+    "drivers": DriverPrior,
+    "disturbance": Disturbance,
+    "head": Head,
+    "hazard": MergeHazard,
+    "merge_curves": MergeForest,
+    "correction": Correction,
+    "correction_training": CorrectionSpec,
+    "knot": KnotCorrection,
+    "ranked_line": RankedLine,
+    "boosted_trees": BoostedTrees,
+    "trees": Trees,
+}
