@@ -1,6 +1,7 @@
 """The paper's protocol from files in NGSIM's own forms to the report: what a user with the originals does."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import polars as pl
@@ -93,7 +94,7 @@ def test_text_and_portal_forms_of_the_same_traffic_give_the_same_counts_and_erro
 
 def test_an_interrupted_run_goes_on_where_it_was(from_text, monkeypatch):
     data, out = from_text
-    (out / "models" / "corrected-parts" / "forests.npz").unlink()
+    shutil.rmtree(out / "models" / "corrected-parts" / "forests")
     (out / "report.html").unlink()
     fitted = []
     fit = __import__("rampcast.paper.reproduce", fromlist=["fit_lane_changes"]).fit_lane_changes
