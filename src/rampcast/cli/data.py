@@ -25,7 +25,7 @@ from rampcast.cli.options import (
     writable_folder,
 )
 from rampcast.cli.ramp import site_with_ramp
-from rampcast.cli.reading import bad_rows_of, read_road, read_roads, user_command, warn_if_off_road
+from rampcast.cli.reading import Reading, read_road, read_roads, user_command, warn_if_off_road
 from rampcast.errors import SiteError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def inspect(
     from rampcast.doctor import inspect as summary_of
 
     with terminal.progress("read and check"):
-        recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)
+        recordings, report = read_roads(files, Reading(site, format, mapping, skip_bad_rows))
         found = [summary_of(recording) for recording in recordings]
     if json:
         values = [one.to_dict() for one in found]
@@ -79,9 +79,7 @@ def convert(
     from rampcast.formats import convert_all
 
     with terminal.progress(f"convert to {out}"):
-        written, report = convert_all(
-            files, out, site=site, format=format, mapping=mapping, bad_rows=bad_rows_of(skip_bad_rows)
-        )
+        written, report = convert_all(files, out, **Reading(site, format, mapping, skip_bad_rows).arguments)
     terminal.print_reading(report)
     warn_if_off_road(report, site)
     terminal.print_written(written)
@@ -132,7 +130,7 @@ def site(
     if no_ramp and values != RampValues():
         raise SiteError("--no-ramp writes a site without a ramp: leave it out, or --ramp-lane and what goes with it")
     picture = picture or out.with_suffix(".png")
-    recording = read_road(files, road, site, skip_bad_rows, format, mapping)
+    recording = read_road(files, road, Reading(site, format, mapping, skip_bad_rows))
     recording = turned(recording) if mirrored else recording
     if not no_ramp and not values.or_of(recording.site).lanes:
         _write_draft(recording, picture)
@@ -160,7 +158,7 @@ def doctor(
     from rampcast.doctor import doctor as examine
 
     with terminal.progress("read and examine"):
-        diagnosis = examine(*read_roads(files, site, True, format, mapping))
+        diagnosis = examine(*read_roads(files, Reading(site, format, mapping, skip_bad_rows=True)))
     terminal.print_diagnosis(diagnosis, out=out, as_json=json, command=user_command())
     if diagnosis.spoils:
         raise typer.Exit(1)

@@ -23,7 +23,7 @@ from rampcast.cli.options import (
     SkipBadRows,
     Stride,
 )
-from rampcast.cli.reading import bad_rows_of, read_smoothed, user_command
+from rampcast.cli.reading import Reading, bad_rows_of, read_smoothed, user_command
 from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
@@ -62,7 +62,7 @@ def train(
         )
     check_replaceable(out)
     with terminal.progress() as tell:
-        recording = read_smoothed(recordings, site, skip_bad_rows, format, mapping)
+        recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
         if paper is None:
             train_ours(recording, out, seed=seed, progress=tell)
         else:
@@ -109,7 +109,7 @@ def forecast(
 
     with terminal.progress("forecast"):
         forecaster = load(model)
-        smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
+        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows))
         result = forecaster.predict(smoothed, every=every)
         tables = result.tables()
         for name in FILES:  # of another model, or an earlier run, they would be taken for this one's
@@ -137,7 +137,7 @@ def evaluate(
 
     with terminal.progress("forecast and score"):
         forecaster = load(model)
-        smoothed = read_smoothed([recording], site, skip_bad_rows, format, mapping)
+        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows))
         result, page = score(forecaster, smoothed, out, every=every, seed=seed, command=user_command())
     terminal.print_errors(result.tables["longitudinal"])
     terminal.say(f"wrote {page}")

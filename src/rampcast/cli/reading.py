@@ -3,7 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rampcast.cli import show as terminal
 
@@ -14,30 +14,31 @@ if TYPE_CHECKING:
 MANY_OFF_ROAD = 0.5  # of the rows: the site of one road of a divided highway leaves out about half of them
 
 
-def read_one(
-    files: list[Path],
-    site: str | None,
-    skip_bad_rows: bool = False,
-    format: str | None = None,
-    mapping: Path | None = None,
-) -> "tuple[Recording, ReadReport]":
-    from rampcast.formats import read_any
+class Reading(NamedTuple):
+    """How files are read: the options that commands share."""
 
-    bad_rows = bad_rows_of(skip_bad_rows)
-    recording, report = read_any(files, site=site, format=format, mapping=mapping, bad_rows=bad_rows)
-    warn_if_off_road(report, site)
-    return recording, report
+    site: str | None
+    format: str | None
+    mapping: Path | None
+    skip_bad_rows: bool
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Returns what `rampcast.formats.read_all` and its kin take."""
+        bad_rows = bad_rows_of(self.skip_bad_rows)
+        return {"site": self.site, "format": self.format, "mapping": self.mapping, "bad_rows": bad_rows}
 
 
-def read_roads(
-    files: list[Path], site: str | None, skip_bad_rows: bool, format: str | None, mapping: Path | None
-) -> "tuple[tuple[Recording, ...], ReadReport]":
+def bad_rows_of(skip: bool) -> str:
+    return "skip" if skip else "raise"
+
+
+def read_roads(files: list[Path], reading: Reading) -> "tuple[tuple[Recording, ...], ReadReport]":
     """Returns the recordings in the files, one for each road, and what reading found."""
     from rampcast.formats import read_all
 
-    bad_rows = bad_rows_of(skip_bad_rows)
-    recordings, report = read_all(files, site=site, format=format, mapping=mapping, bad_rows=bad_rows)
-    warn_if_off_road(report, site)
+    recordings, report = read_all(files, **reading.arguments)
+    warn_if_off_road(report, reading.site)
     return recordings, report
 
 
@@ -50,34 +51,23 @@ def warn_if_off_road(report: "ReadReport", site: str | None) -> None:
         )
 
 
-def read_road(
-    files: list[Path],
-    road: str | None,
-    site: str | None,
-    skip_bad_rows: bool,
-    format: str | None,
-    mapping: Path | None,
-) -> "Recording":
+def read_road(files: list[Path], road: str | None, reading: Reading) -> "Recording":
     """Returns the recording of one of the roads in the files; prints what reading found."""
     from rampcast.roads.ramp import road_named
 
     with terminal.progress("read"):
-        recordings, report = read_roads(files, site, skip_bad_rows, format, mapping)
+        recordings, report = read_roads(files, reading)
     terminal.print_reading(report)
     return road_named(recordings, road)
 
 
-def bad_rows_of(skip: bool) -> str:
-    return "skip" if skip else "raise"
-
-
-def read_smoothed(
-    files: list[Path], site: str | None, skip_bad_rows: bool, format: str | None = None, mapping: Path | None = None
-) -> "Recording":
+def read_smoothed(files: list[Path], reading: Reading) -> "Recording":
     """Returns the recording in the files, smoothed unless it is already; prints what that left out or changed."""
+    from rampcast.formats import read_any
     from rampcast.recording import clean
 
-    recording, report = read_one(files, site, skip_bad_rows, format, mapping)
+    recording, report = read_any(files, **reading.arguments)
+    warn_if_off_road(report, reading.site)
     terminal.print_reading(report)
     if recording.is_smoothed:
         return recording
