@@ -48,7 +48,10 @@ class Format:
         name: for `--format`.
         title: what it is.
         reads: the files it comes in.
-        read: returns the recordings in files of one place (one a road), and what reading found.
+        read: returns the recordings in files (one a road), and what reading found. Takes the heads of files of one
+            place; the site, or None for the roads that the source describes, else drafted from the tracks; and whether
+            a row that is not as it should be is an error or is skipped and counted. Raises FormatError where a file is
+            missing, is not as the format says or of another place, or where nothing can be read.
         needs: what tells that a file is of this format.
         convert: writes the recordings in files that may be larger than memory, part by part; None where `read` and
             `write_recording` do. Takes the file to write behind the files to read; returns the files written.

@@ -11,13 +11,12 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, table_of
+from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, plane_rows
@@ -45,18 +44,10 @@ COLUMNS = (
 )
 
 
-def read_citysim(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_citysim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the roads of a place of CitySim, each a recording of its own, and what reading found.
 
-    Args:
-        heads: of files PLACE-NN.csv of one place; each is a part of the recording.
-        site: one road; None drafts every road from the tracks.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as CitySim's are, or the files are of several places.
+    The files are called PLACE-NN.csv; each is a part of the recordings.
     """
     place = _place([head.path for head in heads])
     parts, reports = [], []

@@ -14,14 +14,13 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, table_of
+from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
 from rampcast.formats.tables.columns import SHOWN, Column, Rows
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import translated
@@ -55,20 +54,10 @@ class _Part(NamedTuple):
     report: ReadReport
 
 
-def read_interaction(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_interaction(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the roads of a place of INTERACTION, each a recording of its own, and what reading found.
 
     Each file is a part of a recording; where a file has cases, each is a part, since ids repeat across cases.
-
-    Args:
-        heads: of files vehicle_tracks_NNN.csv, or the challenge's with a column case_id, of one place.
-        site: one road; None drafts every road from the tracks.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as INTERACTION's are, or the files are of several places.
     """
     paths = [head.path for head in heads]
     place = _place(paths)

@@ -78,19 +78,8 @@ class _Lines:
     moments_lost: int
 
 
-def read_pneuma(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[Recordings, ReadReport]:
-    """Returns the recordings in pNEUMA's files of one place, one a road, each file a part; and what reading found.
-
-    Args:
-        heads: of csv files of one drone's place.
-        site: one road; None drafts every road from the tracks.
-        bad_rows: whether a vehicle's row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as pNEUMA's are, or the files are of several places.
-    """
+def read_pneuma(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings in pNEUMA's files of one place, one a road, each file a part; and what reading found."""
     paths = [head.path for head in heads]
     found = [NAME.search(path.name) for path in paths]
     place = one_place(paths, [match[1] if match else "" for match in found])

@@ -9,14 +9,13 @@ from collections.abc import Sequence
 import polars as pl
 
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, table_of
+from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import numbered
 from rampcast.formats.steps.motion import with_fronts
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import as_words
@@ -50,19 +49,8 @@ COLUMNS = (
 )
 
 
-def read_tgsim(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
-    """Returns the recordings in TGSIM files of one place, one a road, each run a part; and what reading found.
-
-    Args:
-        heads: of csv or parquet files, with hyphens or underscores in the names of columns.
-        site: one road; None drafts every road from the tracks.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as TGSIM's are.
-    """
+def read_tgsim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings in TGSIM files of one place, one a road, each run a part; and what reading found."""
     parts, reports = [], []
     for number, head in enumerate(heads, start=1):
         found = read_rows(head, COLUMNS, bad_rows=bad_rows)

@@ -13,12 +13,11 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.files.xml_text import find_root
-from rampcast.formats.format import Format, Needs
+from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
 from rampcast.formats.steps.clock import check_one_step
 from rampcast.formats.steps.lanelets import lanelet_at
 from rampcast.formats.steps.vehicles import whole_ids
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
@@ -36,19 +35,8 @@ def misses_commonroad(head: Head) -> str | None:
     return None if root is not None and root.name == ROOT else f"no xml that begins with <{ROOT}>"
 
 
-def read_commonroad(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
-    """Returns the recordings in scenarios of one map, and what reading found.
-
-    Args:
-        heads: of files of one map, each a part of its own, named by its benchmarkID.
-        site: the road; None drafts every road from the tracks.
-        bad_rows: whether a state that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is not as CommonRoad's are, no vehicle moves in it, or the files are of several maps.
-    """
+def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings in scenarios of one map, each a part named by its benchmarkID, and what reading found."""
     scenarios = [read_scenario(head.path, bad_rows) for head in heads]
     names = [
         scenario.attributes.get("benchmarkID") or head.path.stem

@@ -12,7 +12,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, table_of
+from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import Batch, read_batches
 from rampcast.formats.readers.i24.table import clock_of_rows, sampled_rows, starts_of
@@ -21,7 +21,6 @@ from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import whole_ids
 from rampcast.formats.tables.columns import Column, missing_column
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.sites import Site
 
@@ -65,24 +64,16 @@ def misses_i24_mvt(head: Head) -> str | None:
     return missing_column(head, COLUMNS)
 
 
-def read_i24_mvt(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_i24_mvt(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the carriageways in the files, each a recording, and what reading found.
 
-    Args:
-        heads: of json files, or csv or parquet tables; all of one kind.
-        site: one road; None takes whole carriageways.
-        bad_rows: whether a vehicle or row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as it should be, or json files and tables are mixed.
+    The files are all json or all tables; without a site whole carriageways are taken.
     """
     return read_tracks(_batches(heads, bad_rows), KEYS.source, i24_sites(origin=ORIGIN), site)
 
 
 def convert_i24_mvt(
-    heads: Sequence[Head], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24_mvt` returns as recordings' files; with little memory where the files are json.
 

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, Needs
+from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import read_batches
 from rampcast.formats.readers.i24.tracks import Keys
 from rampcast.formats.steps.units import FOOT
-from rampcast.recording import Recording
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.sites import Site
 
@@ -29,24 +28,16 @@ def misses_i24(head: Head) -> str | None:
     return None if b'"timestamp"' in head.text else "no key 'timestamp' in its first vehicle"
 
 
-def read_i24(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_i24(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the two carriageways in json files of I-24 MOTION, each a recording, and what reading found.
 
-    Args:
-        heads: of json files, plain or in a .gz or .zip; those of one day are one part of the recordings.
-        site: one road; None takes both carriageways whole.
-        bad_rows: whether a vehicle that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as I-24 MOTION's are.
+    Files of one day are one part of the recordings; without a site both carriageways are taken whole.
     """
     return read_tracks(read_batches([head.path for head in heads], KEYS, bad_rows), KEYS.source, i24_sites(), site)
 
 
 def convert_i24(
-    heads: Sequence[Head], out: Path, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
+    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24` returns as recordings' files, with little memory; returns these and what reading found.
 

@@ -12,7 +12,7 @@ from typing import Any
 import polars as pl
 
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format
+from rampcast.formats.format import Format, Recordings
 from rampcast.formats.readers.levelx.levelx import (
     Described,
     ThreeFiles,
@@ -25,7 +25,6 @@ from rampcast.formats.readers.levelx.levelx import (
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.vehicles import front_centre, with_sizes
 from rampcast.formats.tables.columns import Column
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane, plane_rows
@@ -63,19 +62,11 @@ FILES = ThreeFiles(
 )
 
 
-def read_exid(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_exid(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the roads of an exiD location, each a recording of its own, and what reading found.
 
-    Args:
-        heads: of files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
-            these may be among them.
-        site: one road, its reference in UTM; None drafts every road from the tracks.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as exiD's are, or the files are of several locations.
+    The files are NN_tracks.csv, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it, which may be among
+    them. The reference of a site is in UTM.
     """
     tracks = tracks_among(heads)
     parts = [_read_part(head, bad_rows) for head in tracks]

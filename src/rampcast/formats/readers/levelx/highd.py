@@ -17,7 +17,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format
+from rampcast.formats.format import Format, Recordings
 from rampcast.formats.readers.levelx.levelx import (
     Described,
     ThreeFiles,
@@ -30,7 +30,6 @@ from rampcast.formats.readers.levelx.levelx import (
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road, plane_rows
@@ -73,19 +72,11 @@ FILES = ThreeFiles(
 )
 
 
-def read_highd(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_highd(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the two directions of a highD location, each a recording of its own, and what reading found.
 
-    Args:
-        heads: of files NN_tracks.csv of one location, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it;
-            these may be among them.
-        site: one direction; None takes both, with the lanes of the recording's markings.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is missing or not as highD's are, or the files are of several locations.
+    The files are NN_tracks.csv, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it, which may be among
+    them. Without a site the lanes are those of the recording's markings.
     """
     tracks = tracks_among(heads)
     parts = [_read_part(head, bad_rows) for head in tracks]

@@ -39,21 +39,12 @@ BEYOND = 0.25  # share of the site's length by which a position may lie outside;
 RECORDED = {"v_vel": c.RECORDED_V, "v_acc": c.RECORDED_A}  # read where a file has them
 
 
-def read_ngsim(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[Recordings, ReadReport]:
+def read_ngsim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the trajectories of one site in NGSIM's files, and what reading found.
 
     Rows are told apart into the site's recorded windows by the clock of the recording (see `ngsim_windows`); rows
-    outside all of them are kept under the site's name alone.
-
-    Args:
-        heads: of files of one site, plain or in a .gz or .zip.
-        site: the geometry; its `location` picks the rows of the portal's export. None tells it by the files' content.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is none of the forms, is of another site, or has a bad row and those are not to be skipped.
+    outside all of them are kept under the site's name alone. Without a site the files' content tells it; its `location`
+    picks the rows of the portal's export.
     """
     site = site or guess_ngsim_site(heads)
     parts, reports = [], []

@@ -14,7 +14,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.file_values import close_name
 from rampcast.formats.files.head import Head, plain
-from rampcast.formats.format import Format, Needs
+from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
 from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
@@ -23,7 +23,6 @@ from rampcast.formats.steps.places import different_names
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
 from rampcast.formats.tables.columns import MOST_NAMES, SHOWN, Column
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.recording import METADATA_KEY
@@ -65,19 +64,11 @@ def misses_plain(head: Head) -> str | None:
     return next((f"no column '{name}'" for name in REQUIRED if name not in found), None)
 
 
-def read_plain(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+def read_plain(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the recording in tables with rampcast's own columns, and what reading found.
 
-    Args:
-        heads: of csv or parquet files of one road; each is a part of its own unless a column `recording` says
-            otherwise.
-        site: the road, whose lane numbers the tables use; None drafts it from the lanes in them.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file lacks a column, has a bad row and those are not to be skipped, or holds no trajectories.
+    Each file is a part of its own unless a column `recording` says otherwise. The lane numbers are those of the site;
+    without one it is drafted from them.
     """
     known = {plain(name) for head in heads for name in head.names}
     entries = {name: Entry(column=name) for name in (*REQUIRED, *OPTIONAL) if name in known}
@@ -92,18 +83,15 @@ def read_plain(
 
 
 def read_mapped(
-    heads: Sequence[Head], mapping: TableMapping, site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
+    heads: Sequence[Head], mapping: TableMapping, site: Site | None, bad_rows: BadRows
+) -> tuple[Recordings, ReadReport]:
     """Returns the recordings in tables whose columns a mapping describes, and what reading found.
 
     Args:
         heads: of csv or parquet files of one place.
         mapping: what their columns are.
         site: the road; None takes the mapping's, or drafts it.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: as `read_plain`.
+        bad_rows: what to do with a row that is not as it should be.
     """
     parts, report = _read(heads, mapping, bad_rows)
     site = site or mapping.site

@@ -15,7 +15,7 @@ from jaxtyping import Int
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, plain
 from rampcast.formats.files.xml_text import find_root
-from rampcast.formats.format import Format, table_of
+from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.readers.sumo.xml_careful import ROOT
 from rampcast.formats.readers.sumo.xml_fast import read_fcd_xml
 from rampcast.formats.steps import believed
@@ -23,7 +23,6 @@ from rampcast.formats.steps.clock import check_one_step, seconds, whole_frames
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
 from rampcast.formats.tables.columns import SHOWN, Column, Rows, missing_column
 from rampcast.formats.tables.rows import read_rows
-from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, plane_rows
@@ -93,19 +92,8 @@ def misses_sumo(head: Head) -> str | None:
     return missing_column(head, ATTRIBUTES)
 
 
-def read_sumo(
-    heads: Sequence[Head], site: Site | None = None, bad_rows: BadRows = BadRows.RAISE
-) -> tuple[tuple[Recording, ...], ReadReport]:
-    """Returns the recordings in floating car data of one net, and what reading found.
-
-    Args:
-        heads: of files of one net, each a part of its own: "1", "2", ...
-        site: the road; None drafts every road from the tracks.
-        bad_rows: whether a row that is not as it should be is an error or is skipped and counted.
-
-    Raises:
-        FormatError: a file is not as SUMO's are, is in degrees, or the files differ in their time step.
-    """
+def read_sumo(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings in floating car data of one net, and what reading found; the files are parts 1, 2, ..."""
     parts = [_read(head, f"{number}", bad_rows) for number, head in enumerate(heads, start=1)]
     steps = [time_step for _, time_step, _ in parts]
     check_one_step([head.path for head in heads], steps)
