@@ -4,30 +4,19 @@ Positions are centres of boxes in metres from an origin that each recording has 
 from x. Lanes are lanelets of a map that is not read. Source: the format page of exiD, levelXdata; docs/formats/exid.md.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 import polars as pl
 
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Recordings
-from rampcast.formats.readers.levelx.levelx import (
-    Described,
-    ThreeFiles,
-    check_one_location,
-    needs_of,
-    read_described,
-    speed_limit,
-    tracks_among,
-)
+from rampcast.formats.readers.levelx.levelx import Described, ThreeFiles, needs_of, read_location
 from rampcast.formats.steps import believed
-from rampcast.formats.steps.vehicles import front_centre, with_sizes
+from rampcast.formats.steps.vehicles import front_centre
 from rampcast.formats.tables.columns import Column
 from rampcast.recording import columns as c
-from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane, plane_rows
+from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.roads.plane import PX, PY, SOURCE_LANE, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
@@ -68,33 +57,17 @@ def read_exid(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tu
     The files are NN_tracks.csv, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it, which may be among
     them. The reference of a site is in UTM.
     """
-    tracks = tracks_among(heads)
-    parts = [_read_part(head, bad_rows) for head in tracks]
-    values = [part.values for part in parts]
-    check_one_location(tracks, values, ("location", "rate"))
-    plane = Plane(
-        name=f"exid-{values[0]['location']}",
-        title=f"exiD, location {values[0]['location']}",
-        source="exid",
-        rows=pl.concat([part.table for part in parts]),
-        time_step=1 / values[0]["rate"],
-        speed_limit=math.nan if values[0].get("limit") is None else speed_limit(values[0]),
-    )
-    return on_roads(plane, site, join_reports([part.report for part in parts]))
+    _, plane, report = read_location(heads, FILES, _in_plane, bad_rows, shared=("location", "rate"))
+    return on_roads(plane, site, report)
 
 
-def _read_part(head: Head, bad_rows: BadRows) -> Described:
-    found = read_described(head, FILES, bad_rows)
-    table, filled = with_sizes(found.table)
-    return Described(_in_plane(table, found.values), found.values, replace(found.report, sizes_filled=filled))
-
-
-def _in_plane(table: pl.DataFrame, values: dict[str, Any]) -> pl.DataFrame:
+def _in_plane(_: Head, found: Described) -> Described:
     """Returns the rows in UTM: recordings of one location need not have the same origin."""
+    table, values = found.table, found.values
     px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("heading").radians(), pl.col(c.LENGTH))
     lanelets = table["lane"].unique().drop_nulls()
     first = lanelets.cast(pl.String).str.split(SEPARATOR).list.first()
-    return plane_rows(
+    rows = plane_rows(
         table,
         {
             c.RECORDING: pl.lit(str(values["id"]), dtype=pl.Categorical()),
@@ -107,6 +80,7 @@ def _in_plane(table: pl.DataFrame, values: dict[str, Any]) -> pl.DataFrame:
             c.RECORDED_A: pl.col("a"),
         },
     )
+    return found._replace(table=rows)
 
 
 EXID = Format("exid", "exiD, entries and exits", "NN_tracks.csv with both Meta.csv", read_exid, needs_of(FILES))

@@ -18,21 +18,12 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Recordings
-from rampcast.formats.readers.levelx.levelx import (
-    Described,
-    ThreeFiles,
-    check_one_location,
-    needs_of,
-    read_described,
-    speed_limit,
-    tracks_among,
-)
+from rampcast.formats.readers.levelx.levelx import Described, ThreeFiles, needs_of, read_location
 from rampcast.formats.steps import believed
-from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.recording import columns as c
-from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane, Road, plane_rows
+from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Road, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
 
@@ -78,33 +69,9 @@ def read_highd(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> t
     The files are NN_tracks.csv, each with NN_tracksMeta.csv and NN_recordingMeta.csv beside it, which may be among
     them. Without a site the lanes are those of the recording's markings.
     """
-    tracks = tracks_among(heads)
-    parts = [_read_part(head, bad_rows) for head in tracks]
-    values = [part.values for part in parts]
-    check_one_location(tracks, values, ("location", "rate", "upper", "lower"))
-    plane = Plane(
-        name=f"highd-{values[0]['location']}",
-        title=f"highD, location {values[0]['location']}",
-        source="highd",
-        rows=pl.concat([part.table for part in parts]),
-        time_step=1 / values[0]["rate"],
-        speed_limit=speed_limit(values[0]),
-        roads=_roads(values[0], length=_length(parts)),
-    )
-    return on_roads(plane, site, join_reports([part.report for part in parts]))
-
-
-def _read_part(head: Head, bad_rows: BadRows) -> Described:
-    found = read_described(head, FILES, bad_rows)
-    values = found.values | {name: _markings(head.path, name, found.values[name]) for name in MARKINGS}
-    if values["upper"][-1] >= values["lower"][0]:
-        raise FormatError(
-            f"{head.path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
-            f"{MARKINGS['lower']} begin at {values['lower'][0]}; expected the upper ones above the lower ones"
-        )
-    table, filled = with_sizes(found.table)
-    values["length"] = _seen_length(table)
-    return Described(_in_plane(table, str(values["id"])), values, replace(found.report, sizes_filled=filled))
+    shared = ("location", "rate", "upper", "lower")
+    parts, plane, report = read_location(heads, FILES, _in_plane, bad_rows, shared=shared)
+    return on_roads(replace(plane, roads=_roads(parts[0].values, length=_length(parts))), site, report)
 
 
 def _seen_length(table: pl.DataFrame) -> float | None:
@@ -132,7 +99,19 @@ def _markings(path: Path, name: str, text: str) -> list[float]:
     return values
 
 
-def _in_plane(table: pl.DataFrame, recording: str) -> pl.DataFrame:
+def _in_plane(head: Head, found: Described) -> Described:
+    """Returns the rows with y turned up and the front centre as position, and the values with the lanes' markings."""
+    values = found.values | {name: _markings(head.path, name, found.values[name]) for name in MARKINGS}
+    if values["upper"][-1] >= values["lower"][0]:
+        raise FormatError(
+            f"{head.path}: in the recordingMeta file beside it {MARKINGS['upper']} end at {values['upper'][-1]} and "
+            f"{MARKINGS['lower']} begin at {values['lower'][0]}; expected the upper ones above the lower ones"
+        )
+    rows = _turned(found.table, str(values["id"]))
+    return found._replace(table=rows, values=values | {"length": _seen_length(found.table)})
+
+
+def _turned(table: pl.DataFrame, recording: str) -> pl.DataFrame:
     """Returns the rows with y turned up and the front centre as position: front is the side in driving direction."""
     is_lower = pl.col("direction") == 2
     forward = pl.when(is_lower).then(1).otherwise(-1).cast(pl.Float32)

@@ -1,6 +1,7 @@
 """What highD and exiD share: NN_tracks.csv, described by NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,12 +12,12 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, look
 from rampcast.formats.format import Needs, table_of
-from rampcast.formats.steps.vehicles import KINDS, without_vehicles
+from rampcast.formats.steps.vehicles import KINDS, with_sizes, without_vehicles
 from rampcast.formats.tables.columns import MOST_NAMES, SHOWN, Column, Rows, missing_column
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
-from rampcast.recording.reading import BadRows, ReadReport
-from rampcast.roads.plane import PLANE_SCHEMA
+from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.roads.plane import PLANE_SCHEMA, Plane
 
 TRACKS = "tracks"
 COMPANIONS = {"tracksMeta": "the vehicles", "recordingMeta": "the recording"}
@@ -59,7 +60,46 @@ def needs_of(files: ThreeFiles) -> Needs:
     return table_of(files.tracks, misses)
 
 
-def tracks_among(heads: Sequence[Head]) -> list[Head]:
+def read_location(
+    heads: Sequence[Head],
+    files: ThreeFiles,
+    in_plane: Callable[[Head, Described], Described],
+    bad_rows: BadRows,
+    *,
+    shared: Sequence[str],
+) -> tuple[list[Described], Plane, ReadReport]:
+    """Returns the recordings of one location, their plane, and what reading found.
+
+    Args:
+        heads: of the files of tracks, and of others among them.
+        files: their columns.
+        in_plane: gives a recording, whose vehicles have sizes, as rows of a plane.
+        bad_rows: what to do with a row that is not as it should be.
+        shared: values that the recordings of a location share.
+
+    Raises:
+        FormatError: a file is missing or not as these are, or the files are of several locations.
+    """
+    tracks = _tracks_among(heads)
+    parts = []
+    for head in tracks:
+        found = _described(head, files, bad_rows)
+        table, filled = with_sizes(found.table)
+        parts.append(in_plane(head, Described(table, found.values, replace(found.report, sizes_filled=filled))))
+    values = parts[0].values
+    _check_one_location(tracks, [part.values for part in parts], shared)
+    plane = Plane(
+        name=f"{files.name.lower()}-{values['location']}",
+        title=f"{files.name}, location {values['location']}",
+        source=files.name.lower(),
+        rows=pl.concat([part.table for part in parts]),
+        time_step=1 / values["rate"],
+        speed_limit=_speed_limit(values),
+    )
+    return parts, plane, join_reports([part.report for part in parts])
+
+
+def _tracks_among(heads: Sequence[Head]) -> list[Head]:
     """Returns the files of tracks; those that describe them are read with them.
 
     Raises:
@@ -77,7 +117,7 @@ def tracks_among(heads: Sequence[Head]) -> list[Head]:
     return tracks
 
 
-def read_described(head: Head, files: ThreeFiles, bad_rows: BadRows) -> Described:
+def _described(head: Head, files: ThreeFiles, bad_rows: BadRows) -> Described:
     """Returns one recording; its table has the vehicles' columns too, and `kind` for "class".
 
     Raises:
@@ -95,7 +135,7 @@ def read_described(head: Head, files: ThreeFiles, bad_rows: BadRows) -> Describe
     return Described(rows.table, recording.table.row(0, named=True), rows.report(f"{files.name} tracks"))
 
 
-def check_one_location(heads: Sequence[Head], recordings: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
+def _check_one_location(heads: Sequence[Head], recordings: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
     """Raises FormatError where recordings of one place differ in values that its recordings share."""
     for head, values in zip(heads, recordings, strict=True):
         for name in names:
@@ -106,10 +146,10 @@ def check_one_location(heads: Sequence[Head], recordings: Sequence[Mapping[str, 
                 )
 
 
-def speed_limit(recording: Mapping[str, Any]) -> float:
-    """Returns the speed limit [m/s]; the files have -1 where there is none."""
-    limit = float(recording["limit"])
-    return limit if limit > 0 else UNLIMITED
+def _speed_limit(recording: Mapping[str, Any]) -> float:
+    """Returns the speed limit [m/s], NaN where it is not told; the files have -1 where there is none."""
+    limit = recording.get("limit")
+    return math.nan if limit is None else float(limit) if limit > 0 else UNLIMITED
 
 
 def _kind(path: Path) -> str:
