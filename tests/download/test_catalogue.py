@@ -52,7 +52,7 @@ def test_a_data_set_that_has_to_be_asked_for_says_where_and_what_reads_it(entry)
 
 
 def test_an_unknown_name_is_told_with_the_closest_one():
-    with pytest.raises(DownloadError, match=r"no data set 'ngsim-80'\. Is ngsim-i80 meant"):
+    with pytest.raises(DownloadError, match=r"no data set 'ngsim-80'; is 'ngsim-i80' meant"):
         data_set("ngsim-80")
 
 

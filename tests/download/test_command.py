@@ -58,7 +58,7 @@ def test_the_list_of_one_name_is_that_data_set_or_an_error():
     assert "ngsim-us101" not in shown.output
     wrong = CliRunner().invoke(app, ["download", "--list", "ngsim-i8"])
     assert isinstance(wrong.exception, DownloadError)
-    assert "Is ngsim-i80 meant?" in str(wrong.exception)
+    assert "is 'ngsim-i80' meant?" in str(wrong.exception)
 
 
 @pytest.mark.slow

@@ -1,12 +1,14 @@
 """The data sets that can be got by name, and those that have to be asked for."""
 
-import difflib
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
+import msgspec
+
 from rampcast.errors import DownloadError
+from rampcast.file_values import close_name
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,10 @@ class DataSet:
         return parse_qs(address.query).get("filename", [Path(address.path).name])[0]
 
 
-def _load() -> dict[str, DataSet]:
-    entries = tomllib.loads((Path(__file__).parent / "catalogue.toml").read_text(encoding="utf-8"))
-    return {
-        name: DataSet(name=name, **(values | {"columns": tuple(values.get("columns", ()))}))
-        for name, values in entries.items()
-    }
-
-
-CATALOGUE = _load()
+CATALOGUE: dict[str, DataSet] = {
+    name: msgspec.convert({"name": name, **values}, DataSet)
+    for name, values in tomllib.loads((Path(__file__).parent / "catalogue.toml").read_text(encoding="utf-8")).items()
+}
 
 
 def listed(name: str) -> DataSet:
@@ -70,9 +67,8 @@ def listed(name: str) -> DataSet:
         DownloadError: there is none.
     """
     if name not in CATALOGUE:
-        close = difflib.get_close_matches(name, CATALOGUE, n=1)
-        hint = f"Is {close[0]} meant? " if close else ""
-        raise DownloadError(f"there is no data set '{name}'. {hint}Known are {', '.join(CATALOGUE)}")
+        hint = close_name(name, CATALOGUE) or "."
+        raise DownloadError(f"there is no data set '{name}'{hint} Known are {', '.join(CATALOGUE)}")
     return CATALOGUE[name]
 
 

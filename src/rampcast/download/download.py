@@ -1,8 +1,7 @@
 """A data set by name: got, checked against what the portal says and what the reader finds, and noted beside it."""
 
-import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import msgspec
 
 from rampcast.download.archives import unpack
 from rampcast.download.catalogue import DataSet, data_set
@@ -145,10 +145,8 @@ def _already_there(source: DataSet, path: Path) -> Download | None:
     if not path.exists():
         return None
     try:
-        values: Mapping[str, Any] = json.loads(manifest_path(path).read_text(encoding="utf-8"))
-        lists = {key: tuple(values[key]) for key in ("unpacked", "recordings")}
-        found = Download(**{**values, **lists})
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        found = msgspec.json.decode(manifest_path(path).read_bytes(), type=Download)
+    except (OSError, ValueError) as error:
         raise DownloadError(
             f"{path}: there is a file already, without the note {manifest_path(path).name} on where it is from. Move "
             "it away, or choose another folder with --out"

@@ -12,10 +12,10 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote, urlencode
 
 import httpx
+import msgspec
 
 from rampcast.download.catalogue import DataSet
 from rampcast.download.transfer import (
@@ -91,10 +91,9 @@ def pages_folder(path: Path) -> Path:
 def read_plan(folder: Path) -> Plan | None:
     """Returns the plan in a folder of pages, without those pages that are not there; None if there is none."""
     try:
-        values: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-        plan = Plan(**(values | {"pages": tuple(Page(**page) for page in values["pages"])}))
+        plan = msgspec.json.decode((folder / PLAN).read_bytes(), type=Plan)
         sizes = [_page_path(folder, number).stat().st_size for number in range(len(plan.pages))]
-    except (OSError, ValueError, TypeError, KeyError):  # none, or one that was cut off: begin anew
+    except (OSError, ValueError):  # none, or one that was cut off: begin anew
         return None
     whole = [page.bytes == size for page, size in zip(plan.pages, sizes, strict=True)]
     return plan if all(whole) else replace(plan, pages=plan.pages[: whole.index(False)])

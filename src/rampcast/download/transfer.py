@@ -13,6 +13,7 @@ from typing import BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
+import msgspec
 import stamina
 
 from rampcast import __version__
@@ -230,11 +231,11 @@ class _Part:
     def _version(self, url: str) -> _Version | None:
         """Returns the version of the part, or None if it cannot be continued; such a part is removed."""
         try:
-            version = _Version(**json.loads(self.notes.read_text(encoding="utf-8")))
+            version = msgspec.json.decode(self.notes.read_bytes(), type=_Version)
             known = version.url == url and version.validator != "" and self.path.is_file()
             if known and (version.size < 0 or self.path.stat().st_size <= version.size):
                 return version
-        except (OSError, ValueError, TypeError):  # no notes, or notes that were cut off: begin anew
+        except (OSError, ValueError):  # no notes, or notes that were cut off: begin anew
             pass
         self.forget()
         return None
