@@ -8,8 +8,9 @@ from rampcast.traffic.anchors import FEATURES, A, U, V, X, Y
 from rampcast.traffic.merge_scenes import BEHIND, MergeScenes
 from rampcast.traffic.platoons import Platoons
 
-LANE_WIDTH = 3.66  # [m] 12 ft, of both NGSIM sites
-RAMP_CENTRE, TARGET_CENTRE = -LANE_WIDTH / 2, LANE_WIDTH / 2  # y counted from the line between the two lanes [m]
+NGSIM_LANE_WIDTH = 3.66  # [m] 12 ft, of both NGSIM sites
+TARGET_CENTRE = NGSIM_LANE_WIDTH / 2  # y counted from the line between the two lanes [m]
+RAMP_CENTRE = -TARGET_CENTRE
 
 
 def forest_features(scenes: MergeScenes) -> Float[np.ndarray, "scene 42"]:

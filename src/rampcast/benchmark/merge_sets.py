@@ -45,7 +45,8 @@ OWN_LEADER = SLOTS.index(5)
 SAME_VEHICLE = 0.5  # [m]; a gap that changes by this much more in 0.1 s than its relative speed is another vehicle's
 IDS = 100_000  # more than the vehicles around one merge
 MERGE_SPACING = 5  # frames at 10 Hz: anchors every 0.5 s
-LANE_WIDTH = 3.75  # [m] of a German motorway (FGSV, RAA 2008, cross-section RQ 31); the file has lanes as real numbers
+# [m] of a German motorway (FGSV, RAA 2008, cross-section RQ 31); the file has lanes as real numbers
+RQ31_LANE_WIDTH = 3.75
 LANE_LINE = 0.5  # between entry lane 0 and right lane 1
 
 
@@ -194,8 +195,8 @@ def _hee_merges(tracks: Tracks, lane: Float[np.ndarray, "row"], rows: Int[np.nda
         own=platoons_of_tracks(tracks, rows),
         target=target_of_tracks(tracks, behind=(nobody, follower), leader_1=leader),
         to_end=np.where(ramp, np.inf, np.nan),
-        offset=np.where(ramp, LANE_WIDTH * (LANE_LINE - now[:, 0, -1]), np.nan),
-        approach=np.where(ramp, LANE_WIDTH * u[:, 0, -1], np.nan),
+        offset=np.where(ramp, RQ31_LANE_WIDTH * (LANE_LINE - now[:, 0, -1]), np.nan),
+        approach=np.where(ramp, RQ31_LANE_WIDTH * u[:, 0, -1], np.nan),
     )
     return Merges(
         scenes,

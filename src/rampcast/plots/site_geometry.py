@@ -6,9 +6,9 @@ from matplotlib.patches import Rectangle
 
 from rampcast.plots import style
 from rampcast.sites import Lane, Site
+from rampcast.sites.site import LANE_WIDTH
 
 RAMP, TARGET, ROAD, EXIT, SHOULDER = "#CFE6F5", "#DCDCDC", "#EFEFEF", "#F1F1F1", "#FAFAFA"
-LANE_WIDTH = 3.66  # [m] 12 ft, the usual width of a US lane
 WIDEST = 5.0  # [m] of a lane in a drawing
 
 

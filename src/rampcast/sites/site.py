@@ -26,9 +26,7 @@ from rampcast.notebook import html_table
 SITE_FOLDER = Path(__file__).parent / "data"
 PAIR = re.compile(r"\[\s+([-+.\w]+),\s+([-+.\w]+),\s+\]")  # a point, which the writer spreads over four lines
 NO_LANE = 0  # number of the lane of a vehicle that is in none of the site's lanes
-LANE_WIDTH = (
-    3.6  # [m] where a site or source does not tell it: a motorway's lanes are 3.5 to 3.75 m wide, 12 ft in the US
-)
+LANE_WIDTH = 3.6  # [m] where no site or source tells it: a motorway's lanes are 3.5 to 3.75 m wide, 12 ft in the US
 SAME_X, SAME_Y = 2.0, 1.0  # [m] by which one road may differ: half a car's length, a third of a lane's width
 RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
 
