@@ -45,13 +45,8 @@ class RampValues:
         """Returns these values, completed by those of a site that has a ramp, unless other ramp lanes are asked for."""
         if not site.has_ramp or (self.lanes and set(self.lanes) != set(site.ramp_lanes)):
             return self
-        return RampValues(
-            lanes=site.ramp_lanes,
-            target_lane=site.target_lane if self.target_lane is None else self.target_lane,
-            gore=site.gore if self.gore is None else self.gore,
-            ramp_end=site.ramp_end if self.ramp_end is None else self.ramp_end,
-            merge_zone=site.merge_zone if self.merge_zone is None else self.merge_zone,
-        )
+        unsaid = {name: getattr(site, name) for name in VALUES if getattr(self, name) is None}
+        return replace(self, lanes=site.ramp_lanes, **unsaid)
 
 
 def lane_changes(tracks: pl.DataFrame) -> pl.DataFrame:

@@ -3,8 +3,9 @@
 Both ways make the same rows; the second never holds more than a few hundred thousand of them.
 """
 
+import itertools
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from rampcast.roads.project import BESIDE, on_road
 from rampcast.sites import Lane, Note, Site
 
 ENDS = (58.5 * MILE, 63.5 * MILE)  # [m] the instrument spans miles 58.7 to 62.9
-LANE_WIDTH = 12 * FOOT  # [m]
+US_LANE_WIDTH = 12 * FOOT  # [m] as docs/formats/i24.md has it
 LANES = 5  # the fifth is the lane of entrances and exits where there is one
 SPEED_LIMIT = 70 * MILE / 3600  # [m/s]
 ALL = "all"  # stands for the road where a site is given: every row may be on it
@@ -38,9 +39,8 @@ def i24_sites(*, origin: float = 0.0) -> dict[str, Site]:
         ROADS[WEST]: ((east_end, 0.0), (west_end, 0.0)),
         ROADS[EAST]: ((west_end, 0.0), (east_end, 0.0)),
     }
-    lanes = tuple(
-        Lane(number, "main", -round((number + 0.5) * LANE_WIDTH, 4), (str(number),)) for number in range(1, LANES + 1)
-    )
+    centres = {number: -round((number + 0.5) * US_LANE_WIDTH, 4) for number in range(1, LANES + 1)}
+    lanes = tuple(Lane(number, "main", centre, (str(number),)) for number, centre in centres.items())
     notes = (
         Note("Lane k lies from 12 k to 12 (k + 1) feet right of y = 0.", "docs/formats/i24.md"),
         Note("The posted limit; signs lower it in congestion.", "docs/formats/i24.md"),
@@ -75,23 +75,13 @@ def read_tracks(
     Raises:
         FormatError: as whatever gives the batches, or no row lies on the road.
     """
-    roads, step = _roads(sites, site), 0.0
-    reports: list[ReadReport] = []
-    names: list[str] = []
-    parts: dict[str, list[pl.DataFrame]] = {}
-    for batch in batches:
-        tracks, report = _on_roads(batch, source, roads)
-        reports.append(report)
-        names.extend(batch.names)
-        step = batch.time_step
-        for road, rows in tracks.items():
-            parts.setdefault(road, []).append(rows)
-    report = _joined(reports, names, roads)
-    ids = _ids(names)
+    roads = _roads(sites, site)
+    parts: dict[str, list[pl.DataFrame]] = {road: [] for road in roads}
+    report, ids, step = _each(batches, source, roads, keep=lambda road, rows: parts[road].append(rows))
     recordings = [
         Recording(pl.concat(parts[road]).with_columns(ids), one, step, source)
         for road, one in roads.items()
-        if road in parts
+        if parts[road]
     ]
     return tuple(recordings), report
 
@@ -106,28 +96,39 @@ def convert_tracks(
     Args:
         out: the file to write; of several roads one each, named as `write_recordings` does.
     """
-    roads, step = _roads(sites, site), 0.0
-    reports: list[ReadReport] = []
-    names: list[str] = []
+    roads, numbers = _roads(sites, site), itertools.count()
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         parts = Path(folder)
-        for number, batch in enumerate(batches):
-            tracks, report = _on_roads(batch, source, roads)
-            reports.append(report)
-            names.extend(batch.names)
-            step = batch.time_step
-            for road, rows in tracks.items():
-                (parts / road).mkdir(exist_ok=True)
-                rows.write_parquet(parts / road / f"{number:08}.parquet", compression="lz4")
-        report = _joined(reports, names, roads)
-        ids = _ids(names)
+
+        def keep(road: str, rows: pl.DataFrame) -> None:
+            (parts / road).mkdir(exist_ok=True)
+            rows.write_parquet(parts / road / f"{next(numbers):08}.parquet", compression="lz4")
+
+        report, ids, step = _each(batches, source, roads, keep=keep)
         there = [road for road in roads if (parts / road).is_dir()]
         written = tuple(road_files([roads[road] for road in there], out))
         for road, path in zip(there, written, strict=True):
             metadata = file_metadata(roads[road], time_step=step, source=source)
             _join(parts / road, path, ids, metadata)
     return written, report
+
+
+def _each(
+    batches: Iterable[Batch], source: str, roads: dict[str, Site], *, keep: Callable[[str, pl.DataFrame], None]
+) -> tuple[ReadReport, pl.Expr, float]:
+    """Returns what reading found, the vehicles' ids and the time step [s]; rows on a road are given to `keep`."""
+    reports: list[ReadReport] = []
+    names: list[str] = []
+    step = 0.0
+    for batch in batches:
+        tracks, report = _on_roads(batch, source, roads)
+        reports.append(report)
+        names.extend(batch.names)
+        step = batch.time_step
+        for road, rows in tracks.items():
+            keep(road, rows)
+    return _joined(reports, names, roads), _ids(names), step
 
 
 def _join(parts: Path, path: Path, ids: pl.Expr, metadata: dict[str, str]) -> None:

@@ -74,7 +74,6 @@ def read_plain(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> t
     entries = {name: Entry(column=name) for name in (*REQUIRED, *OPTIONAL) if name in known}
     for name in REQUIRED:
         advice = "; a table of frames alone needs a mapping that says how long one is" if name == "time" else ""
-        entries.setdefault(name, Entry(column=name))
         if name not in known:
             raise FormatError(
                 f"{', '.join(head.name for head in heads)}: no column '{name}'{advice} (docs/formats/plain.md)"
@@ -148,15 +147,16 @@ def _check_columns(head: Head, mapping: TableMapping) -> None:
         raise FormatError(f"{head.name}: expected a csv whose first line names its columns, or a parquet file")
     found = {plain(name) for name in head.names}
     for column, name in mapping.columns.items():
-        if plain(column) not in found and not mapping.path:
+        if plain(column) in found:
+            continue
+        if not mapping.path:
             raise FormatError(
                 f"{head.name}: no column '{column}', which another of the files has. Give all of them the same "
                 "columns, or convert each by itself"
             )
-        if plain(column) not in found:
-            names = ", ".join(head.names[:MOST_NAMES])
-            hint = close_name(column, head.names) or f"; its columns are {names}. Mend either"
-            raise FormatError(f"{head.name}: no column '{column[:SHOWN]}', which {mapping.path} names for {name}{hint}")
+        names = ", ".join(head.names[:MOST_NAMES])
+        hint = close_name(column, head.names) or f"; its columns are {names}. Mend either"
+        raise FormatError(f"{head.name}: no column '{column[:SHOWN]}', which {mapping.path} names for {name}{hint}")
 
 
 def _columns(mapping: TableMapping) -> tuple[Column, ...]:
