@@ -28,9 +28,8 @@ from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
-    from rampcast.forecast.protocol import Progress
+    from rampcast.forecast.protocol import RecordingForecaster
     from rampcast.paper.framework import PaperSpec
-    from rampcast.recording import Recording
 
 
 @app.command(
@@ -54,7 +53,10 @@ def train(
     mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
     """Trains the forecaster; with --paper the paper's framework: two neighbour LSTMs and 32 lane-change forests."""
+    from rampcast.forecast.forecaster import ForecasterSpec, fit
+    from rampcast.forecast.storage import save
     from rampcast.models.folder import check_replaceable
+    from rampcast.paper.framework import fit_paper
 
     if mode is not None:
         raise RampcastError(
@@ -63,25 +65,13 @@ def train(
     check_replaceable(out)
     with terminal.progress() as tell:
         recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
+        model: RecordingForecaster
         if paper is None:
-            train_ours(recording, out, seed=seed, progress=tell)
+            model = fit(recording, spec=ForecasterSpec(seed=seed), progress=tell)
         else:
-            train_paper(recording, out, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
+            model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
+        save(model, out)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
-
-
-def train_ours(recording: "Recording", out: Path, *, seed: int, progress: "Progress") -> None:
-    from rampcast.forecast.forecaster import ForecasterSpec, fit
-    from rampcast.forecast.storage import save
-
-    save(fit(recording, spec=ForecasterSpec(seed=seed), progress=progress), out)
-
-
-def train_paper(recording: "Recording", out: Path, *, mode: Mode, spec: "PaperSpec", progress: "Progress") -> None:
-    from rampcast.forecast.storage import save
-    from rampcast.paper.framework import fit_paper
-
-    save(fit_paper(recording, mode=mode, spec=spec, progress=progress), out)
 
 
 @app.command(
