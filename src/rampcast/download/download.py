@@ -1,10 +1,11 @@
 """A data set by name: got, checked against what the portal says and what the reader finds, and noted beside it."""
 
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +112,8 @@ def _fetched_file(
 ) -> Download:
     """Returns what is known of a data set that is one file, now got."""
     url = f"{portal.rstrip('/')}/{source.file}"
-    fetch_file(url, path, client, check=_checker(source, url), patience=patience, tell=tell, note=note)
+    check = partial(_check, source=source, url=url)
+    fetch_file(url, path, client, check=check, patience=patience, tell=tell, note=note)
     return _note(source, path, url)
 
 
@@ -170,17 +172,13 @@ def _with_advice(source: DataSet) -> Iterator[None]:
         ) from error
 
 
-def _checker(source: DataSet, url: str) -> Callable[[Path], None]:
-    """Returns the function that raises if a file is not the one that others recorded."""
-
-    def check(path: Path) -> None:
-        size = path.stat().st_size
-        if source.bytes and size != source.bytes:
-            raise DownloadError(f"{url}: expected {source.bytes:,} bytes, got {size:,}. {_replaced(source)}")
-        if source.sha256 and sha256_of(path) != source.sha256:
-            raise DownloadError(f"{url}: its SHA-256 is not {source.sha256}. {_replaced(source)}")
-
-    return check
+def _check(path: Path, source: DataSet, url: str) -> None:
+    """Raises if a file is not the one that others recorded."""
+    size = path.stat().st_size
+    if source.bytes and size != source.bytes:
+        raise DownloadError(f"{url}: expected {source.bytes:,} bytes, got {size:,}. {_replaced(source)}")
+    if source.sha256 and sha256_of(path) != source.sha256:
+        raise DownloadError(f"{url}: its SHA-256 is not {source.sha256}. {_replaced(source)}")
 
 
 def _replaced(source: DataSet) -> str:
