@@ -42,9 +42,9 @@ def faulty_tracks(tracks: pl.DataFrame, marks: pl.DataFrame) -> Axes:
     ax = style.new_axes(width=WIDE, height=4.4)
     pieces = _pieces(tracks)
     ax.add_collection(LineCollection(pieces, colors="#8A8A8A", linewidths=0.8))
-    for look, (title, own) in zip(LOOKS, _by_finding(marks), strict=False):
+    for look, ((title,), own) in zip(LOOKS, marks.group_by("finding", maintain_order=True), strict=False):
         shape = {"color": look.color, "marker": look.marker, "markerfacecolor": "none", "markeredgewidth": 1.2}
-        ax.plot(own["t"].to_numpy(), own["x"].to_numpy(), linestyle="", label=title, zorder=3, **shape)  # type: ignore[arg-type]
+        ax.plot(own["t"].to_numpy(), own["x"].to_numpy(), linestyle="", label=str(title), zorder=3, **shape)  # type: ignore[arg-type]
     ax.autoscale_view()
     ax.set(xlabel="time [s]", ylabel="position x along the road [m]")
     if marks.height:
@@ -144,7 +144,3 @@ def _pieces(tracks: pl.DataFrame) -> list[Float[np.ndarray, "point 2"]]:
         for part in np.split(points, holes):
             lines.append(np.concatenate([part[:-1:every], part[-1:]]))
     return lines
-
-
-def _by_finding(marks: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
-    return [(str(title), own) for (title,), own in marks.group_by("finding", maintain_order=True)]

@@ -199,5 +199,5 @@ def test_videos_of_two_places_are_refused(tmp_path):
 def test_a_video_given_twice_is_refused(tmp_path):
     (tmp_path / "copy").mkdir()
     paths = [saved(tmp_path, text(GOOD)), saved(tmp_path / "copy", text(GOOD))]
-    with pytest.raises(FormatError, match="there are two files called '01'"):
+    with pytest.raises(FormatError, match="two of the files make a part of the recording called '01'"):
         read_any(paths, site=SITE)

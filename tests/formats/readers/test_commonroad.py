@@ -187,8 +187,12 @@ def test_several_scenarios_of_one_map_are_parts_of_one_recording(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("USA", "USA", r"b\.xml: the scenario USA_US101-3_3_T-1 is given more than once|a\.xml: the scenario"),
-        ("US101-3", "US101-4", r"b\.xml: it is of map USA_US101-4, .*a\.xml of USA_US101-3"),
+        (
+            "USA",
+            "USA",
+            r"a\.xml: two of the files make a part of the recording called 'USA_US101-3_3_T-1'; give each file once",
+        ),
+        ("US101-3", "US101-4", r"b\.xml: this is of USA_US101-4, a\.xml of USA_US101-3\. Convert"),
         (
             '="0.1" commonRoadVersion="2020a" benchmarkID="USA_US101-3_3',
             '="0.2" benchmarkID="USA_US101-3_4',

@@ -92,8 +92,8 @@ def test_all_vehicles_at_once_are_as_one_by_one(block, monkeypatch):
     assert clock == clock_of_times(max(vehicles, key=len)["time"].to_numpy())
     plain = [one_by_one(vehicle, clock) for vehicle in vehicles]
     rows, filled = with_sizes(pl.concat([rows for rows, _ in plain]))
-    found = sampled_rows(table, clock)
-    assert_frame_equal(found.rows, rows, abs_tol=1e-9, rel_tol=1e-12)
-    assert found.interpolated == sum(between for _, between in plain) > 100
-    assert found.off_frames == table.height - (rows.height - found.interpolated) > 100
+    sampled, found = sampled_rows(table, clock)
+    assert_frame_equal(sampled, rows, abs_tol=1e-9, rel_tol=1e-12)
+    assert found.rows_interpolated == sum(between for _, between in plain) > 100
+    assert found.rows_off_frames == table.height - (rows.height - found.rows_interpolated) > 100
     assert found.sizes_filled == filled > 0

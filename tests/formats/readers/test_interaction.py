@@ -205,7 +205,7 @@ def test_files_of_two_places_are_an_error(tmp_path):
 
 def test_two_files_of_one_name_are_an_error(tmp_path):
     (tmp_path / "again").mkdir()
-    with pytest.raises(FormatError, match="there are two files called 'vehicle_tracks"):
+    with pytest.raises(FormatError, match="two of the files make a part of the recording called 'vehicle_tracks"):
         read_all([write(tmp_path, TRACKS), write(tmp_path / "again", TRACKS)])
 
 

@@ -155,7 +155,10 @@ def test_two_files_of_one_name_are_refused_unless_a_column_tells_their_parts(tmp
     for path in paths:
         path.parent.mkdir()
         path.write_text("vehicle,time,x,y,lane\n" + "".join(f"1,{k / 10},{k},0,1\n" for k in range(5)))
-    with pytest.raises(FormatError, match=r"monday.data\.csv: there are two files called 'data'.*column 'recording'"):
+    with pytest.raises(
+        FormatError,
+        match=r"monday.data\.csv: two of the files make a part of the recording called 'data'.*column 'recording'",
+    ):
         read_all(paths)
     for path in paths:
         lines = path.read_text().splitlines()

@@ -8,7 +8,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import polars as pl
 
@@ -48,12 +47,6 @@ COLUMNS = (
 )
 
 
-class _Part(NamedTuple):
-    rows: pl.DataFrame  # as a plane's
-    time_step: float
-    report: ReadReport
-
-
 def read_interaction(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the roads of a place of INTERACTION, each a recording of its own, and what reading found.
 
@@ -62,15 +55,16 @@ def read_interaction(heads: Sequence[Head], site: Site | None, bad_rows: BadRows
     paths = [head.path for head in heads]
     place = _place(paths)
     parts = [_read_part(head, bad_rows) for head in heads]
-    check_one_step(paths, [part.time_step for part in parts])
+    steps = [time_step for _, time_step, _ in parts]
+    check_one_step(paths, steps)
     plane = Plane(
         name="-".join(["interaction", *place.lower().split("_")]) if place else "interaction",
         title=f"INTERACTION, {place}" if place else "INTERACTION",
         source="interaction",
-        rows=pl.concat([part.rows for part in parts]),
-        time_step=parts[0].time_step,
+        rows=pl.concat([rows for rows, _, _ in parts]),
+        time_step=steps[0],
     )
-    return on_roads(plane, site, join_reports([part.report for part in parts]))
+    return on_roads(plane, site, join_reports([report for _, _, report in parts]))
 
 
 def _place(paths: Sequence[Path]) -> str:
@@ -81,31 +75,18 @@ def _place(paths: Sequence[Path]) -> str:
     return one_place(paths, places)
 
 
-def _read_part(head: Head, bad_rows: BadRows) -> _Part:
+def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, ReadReport]:
+    """Returns the rows of a file in its plane, its time step [s], and what reading found."""
     rows, others = _vehicles(read_rows(head, COLUMNS, bad_rows=bad_rows))
     reason = "its heading psi_rad is missing. Mend the file"
     rows = without_vehicles(rows, rows.table["psi"].is_null(), reason, bad_rows)
-    frames, time_step, slips = _frames(rows)
-    table, filled = with_sizes(rows.table.with_columns(frames.alias(c.FRAME)))
+    frames, time_step, slips = whole_frames(rows.file, rows.table["time"] / 1000)
+    table, filled = with_sizes(rows.table.with_columns(pl.Series(c.FRAME, frames)))
     report = rows.report("INTERACTION tracks" + (" with cases" if "case" in table.columns else ""))
     found = NUMBER.search(head.path.stem)
-    return _Part(
-        _in_plane(table, found.group() if found else head.path.stem),
-        time_step,
-        replace(
-            report,
-            rows_read=report.rows_read + others,
-            rows_not_vehicles=others,
-            clock_slips=slips,
-            sizes_filled=filled,
-        ),
-    )
-
-
-def _frames(rows: Rows) -> tuple[pl.Series, float, int]:
-    """Returns the frame of each row, the time step [s], and how many rows lie off the grid of frames."""
-    frames, time_step, slips = whole_frames(rows.file, rows.table["time"] / 1000)
-    return pl.Series(frames), time_step, slips
+    read = report.rows_read + others
+    report = replace(report, rows_read=read, rows_not_vehicles=others, clock_slips=slips, sizes_filled=filled)
+    return _in_plane(table, found.group() if found else head.path.stem), time_step, report
 
 
 def _vehicles(rows: Rows) -> tuple[Rows, int]:

@@ -22,8 +22,7 @@ def different_names(
     for path, name in zip(paths, names, strict=True):
         if names.count(name) > 1:
             raise FormatError(
-                f"{path}: there are two files called '{name}', for which the parts of the recording are named; give "
-                f"each file once, {others}"
+                f"{path}: two of the files make a part of the recording called '{name}'; give each file once, {others}"
             )
     return names
 

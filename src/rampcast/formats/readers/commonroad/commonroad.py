@@ -17,6 +17,7 @@ from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
 from rampcast.formats.steps.clock import check_one_step
 from rampcast.formats.steps.lanelets import lanelet_at
+from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import whole_ids
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
@@ -38,12 +39,12 @@ def misses_commonroad(head: Head) -> str | None:
 def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the recordings in scenarios of one map, each a part named by its benchmarkID, and what reading found."""
     scenarios = [read_scenario(head.path, bad_rows) for head in heads]
-    names = [
-        scenario.attributes.get("benchmarkID") or head.path.stem
-        for scenario, head in zip(scenarios, heads, strict=True)
-    ]
+    paths = [head.path for head in heads]
+    names = [one.attributes.get("benchmarkID") or path.stem for one, path in zip(scenarios, paths, strict=True)]
+    different_names(paths, names)
+    one_place(paths, [match[1] if (match := BENCHMARK.fullmatch(name)) else "" for name in names])
     steps = [read_time_step(scenario) for scenario in scenarios]
-    _check_one_map(scenarios, names, steps)
+    check_one_step(paths, steps)
     found = [_in_plane(scenario, name) for scenario, name in zip(scenarios, names, strict=True)]
     benchmark = BENCHMARK.fullmatch(names[0])
     is_simulated = any("simulated" in scenario.tags for scenario in scenarios)
@@ -56,17 +57,6 @@ def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows)
         simulated=is_simulated or (benchmark is not None and benchmark[2] == NOWHERE_LAND),
     )
     return on_roads(plane, site, join_reports([report for _, report in found]))
-
-
-def _check_one_map(scenarios: Sequence[Scenario], names: Sequence[str], steps: Sequence[float]) -> None:
-    first = scenarios[0].file
-    maps = [match[1] if (match := BENCHMARK.fullmatch(name)) else "" for name in names]
-    for scenario, name, place in zip(scenarios, names, maps, strict=True):
-        if names.count(name) > 1:
-            raise FormatError(f"{scenario.file}: the scenario {name} is given more than once; give each once")
-        if place != maps[0]:
-            raise FormatError(f"{scenario.file}: it is of map {place}, {first} of {maps[0]}; convert each by itself")
-    check_one_step([scenario.file for scenario in scenarios], steps)
 
 
 def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:

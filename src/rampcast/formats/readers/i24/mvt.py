@@ -100,23 +100,21 @@ def _batches(heads: Sequence[Head], bad_rows: BadRows) -> Iterator[Batch]:
 def _batch(heads: Sequence[Head], bad_rows: BadRows) -> Batch:
     """Returns all vehicles of tables."""
     files = [read_rows(head, COLUMNS, bad_rows=bad_rows) for head in heads]
-    report = join_reports([rows.report(KEYS.title) for rows in files])
-    table = pl.concat([_completed(rows.table) for rows in files])
+    report = join_reports([one.report(KEYS.title) for one in files])
+    table = pl.concat([_completed(one.table) for one in files])
     numbers, _ = whole_ids(table["id"])
     table = table.with_columns(numbers.alias("number"))
-    unique = (
-        table
-        if _is_sorted(table)
-        else table.sort("number", "time").unique(["number", "time"], keep="first", maintain_order=True)
-    )
+    unique, key = table, ["number", "time"]
+    if not _is_sorted(table):
+        unique = table.sort(key).unique(key, keep="first", maintain_order=True)
     clock = clock_of_rows(unique)
     try:
-        found = sampled_rows(unique, clock)
+        rows, found = sampled_rows(unique, clock)
     except Fault as error:
         raise FormatError(f"{', '.join(report.files)}: {error}") from error
     names = tuple(unique["id"].gather(starts_of(unique)).cast(pl.String))
     removed = ReadReport((), (), 0, duplicates=table.height - unique.height)
-    return Batch(found.rows, names, clock.step, join_reports([report, removed, found.report()]))
+    return Batch(rows, names, clock.step, join_reports([report, removed, found]))
 
 
 def _completed(table: pl.DataFrame) -> pl.DataFrame:

@@ -138,7 +138,7 @@ def _moments(value: Any) -> int:
 
 
 def _batch(now: _Gathering, keys: Keys, clock: Clock, *, first: int) -> Batch:
-    found = sampled_rows(table_of(now.tracks), clock, first=first)
+    rows, found = sampled_rows(table_of(now.tracks), clock, first=first)
     report = ReadReport(
         files=tuple(now.files),
         forms=(keys.title,) * len(now.files),
@@ -147,4 +147,4 @@ def _batch(now: _Gathering, keys: Keys, clock: Clock, *, first: int) -> Batch:
         skipped=tuple(now.faults[:MOST_LISTED]),
     )
     names = tuple(track.id for track in now.tracks)
-    return Batch(found.rows, names, clock.step, join_reports([report, found.report()]))
+    return Batch(rows, names, clock.step, join_reports([report, found]))

@@ -33,27 +33,6 @@ BLOCK = 1 << 15  # [rows] done at once: two dozen arrays of them fit the cache o
 
 
 @dataclass(frozen=True)
-class SampledRows:
-    """The rows of a plane, and how many were interpolated, lay on no frame of their own, or had no size."""
-
-    rows: pl.DataFrame
-    interpolated: int
-    off_frames: int
-    sizes_filled: int
-
-    def report(self) -> ReadReport:
-        """Returns these counts."""
-        return ReadReport(
-            (),
-            (),
-            0,
-            rows_interpolated=self.interpolated,
-            rows_off_frames=self.off_frames,
-            sizes_filled=self.sizes_filled,
-        )
-
-
-@dataclass(frozen=True)
 class _Frames:
     """Where vehicles are seen.
 
@@ -92,8 +71,8 @@ def starts_of(table: pl.DataFrame) -> Int[np.ndarray, "vehicle"]:
     return np.flatnonzero(np.diff(table["number"].to_numpy(), prepend=-1))
 
 
-def sampled_rows(table: pl.DataFrame, clock: Clock, *, first: int = 1) -> SampledRows:
-    """Returns vehicles at the frames of their recording.
+def sampled_rows(table: pl.DataFrame, clock: Clock, *, first: int = 1) -> tuple[pl.DataFrame, ReadReport]:
+    """Returns vehicles at the frames of their recording, as rows of a plane, and what that found.
 
     Args:
         table: sorted by number and time, no time of a vehicle twice; columns of `ROWS`.
@@ -114,7 +93,9 @@ def sampled_rows(table: pl.DataFrame, clock: Clock, *, first: int = 1) -> Sample
         parts.append(rows)
         interpolated += between
     rows, filled = with_sizes(pl.concat(parts, rechunk=True))
-    return SampledRows(rows, interpolated, table.height - (rows.height - interpolated), filled)
+    off_frames = table.height - (rows.height - interpolated)
+    found = ReadReport((), (), 0, rows_interpolated=interpolated, rows_off_frames=off_frames, sizes_filled=filled)
+    return rows, found
 
 
 def _sampled(
