@@ -5,8 +5,6 @@ import sys
 from typing import TYPE_CHECKING
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from rampcast.cli import show
 
@@ -82,9 +80,8 @@ def print_lanes(recording: "Recording") -> None:
     """Prints the lanes of a recording's site from the left: what drives on them, and where it changes lane."""
     from rampcast.roads.ramp import lanes_driven
 
-    table = Table(title=escape(f"lanes of {recording.site.name}, from the left"), title_justify="left")
-    for head in ("lane", "role", "y [m]", "vehicles", "rows", "x [m]", "to left", "to right"):
-        table.add_column(escape(head), justify="left" if head == "role" else "right")
+    heads = ("lane", "role", "y [m]", "vehicles", "rows", "x [m]", "to left", "to right")
+    table = show.titled(f"lanes of {recording.site.name}, from the left", heads, numbers={*heads} - {"role"})
     for row in lanes_driven(recording).iter_rows(named=True):
         seen = "" if row["x_from"] is None else f"{row['x_from']:.0f}–{row['x_to']:.0f}"
         changes = [

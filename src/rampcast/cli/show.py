@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,14 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         yield tell
         if first is not None:
             tell(first, 1, 1)
+
+
+def titled(title: str, heads: Sequence[str], *, numbers: Collection[str] = ()) -> Table:
+    """Returns an empty table whose columns are of words, or of numbers where these are named."""
+    table = Table(title=escape(title), title_justify="left")
+    for head in heads:
+        table.add_column(escape(head), justify="right" if head in numbers else "left")
+    return table
 
 
 def say(text: str) -> None:
@@ -146,9 +154,7 @@ def print_summary(summary: "Summary") -> None:
     for title, text in tables.items():
         if text is None:
             continue
-        table = Table(title=escape(title), title_justify="left")
-        for head in text.heads:
-            table.add_column(escape(head), justify="left" if head in ("", "window") else "right")
+        table = titled(title, text.heads, numbers={*text.heads} - {"", "window"})
         for row in text.rows:
             table.add_row(*map(escape, row))
         output.print(table)
@@ -193,9 +199,8 @@ def _print_road(diagnosis: "RoadDiagnosis") -> None:
 
 def _print_findings(title: str, findings: "Sequence[Finding]") -> None:
     colors = {"spoils a forecast": "bold red", "warning": "yellow", "note": "cyan"}
-    table = Table(title=escape(title), title_justify="left")
-    for name in ("severity", "finding", "count", "share", "for example"):
-        table.add_column(name, justify="right" if name in ("count", "share") else "left")
+    heads = ("severity", "finding", "count", "share", "for example")
+    table = titled(title, heads, numbers=("count", "share"))
     for one in findings:
         severity = f"[{colors[one.severity.value]}]{one.severity.value}[/]"
         counted = one.check.counting(one.count)
@@ -211,11 +216,9 @@ def print_errors(longitudinal: "pl.DataFrame") -> None:
     from rampcast.forecasters import label
 
     for (mode,), of_mode in longitudinal.group_by("mode", maintain_order=True):
-        table = Table(title=f"{mode} mode: mean absolute position error (m)", title_justify="left")
-        for name in ("vehicles", "model"):
-            table.add_column(name)
-        for horizon in SHOWN_HORIZONS:
-            table.add_column(f"{horizon:.0f} s", justify="right")
+        heads = [f"{horizon:.0f} s" for horizon in SHOWN_HORIZONS]
+        title = f"{mode} mode: mean absolute position error (m)"
+        table = titled(title, ("vehicles", "model", *heads), numbers=heads)
         for (group, model), rows in of_mode.group_by("group", "model", maintain_order=True):
             error = dict(zip(rows["horizon"], rows["mean_error"], strict=True))
             cells = (error.get(horizon) for horizon in SHOWN_HORIZONS)
@@ -247,10 +250,8 @@ def print_benchmark(found: "Benchmark") -> None:
 
 
 def _print_benchmark_table(title: str, rows: "pl.DataFrame") -> None:
-    table = Table(title=escape(title), title_justify="left")
-    table.add_column("model")
-    for head in (*(f"{horizon:.0f} s" for horizon in SHOWN_HORIZONS), "gap closed", "90 % band covers"):
-        table.add_column(head, justify="right")
+    heads = (*(f"{horizon:.0f} s" for horizon in SHOWN_HORIZONS), "gap closed", "90 % band covers")
+    table = titled(title, ("model", *heads), numbers=heads)
     lines: list[tuple[list[str], tuple[str, ...]]] = []  # neighbouring models that agree, as chains do, are one row
     for (model,), of_model in rows.group_by("model", maintain_order=True):
         error = dict(zip(of_model["horizon"], of_model["mean_error"], strict=True))
@@ -270,11 +271,9 @@ def _print_benchmark_table(title: str, rows: "pl.DataFrame") -> None:
 def _print_merge_table(data_set: str, rows: "pl.DataFrame") -> None:
     of_times = rows.filter(rows["horizon"].is_null())
     n = max(of_times["n"].to_list())
-    table = Table(title=escape(f"{data_set}, time to the merge (n = {n:,} within 15 s)"), title_justify="left")
-    heads = ("error (s)", "of K.-M.", "C-index", "gap right")
-    table.add_column("model", no_wrap=True)
-    for head in (*heads, *(f"skill {horizon:.0f} s" for horizon in SHOWN_SKILLS)):
-        table.add_column(head, justify="right")
+    heads = ("error (s)", "of K.-M.", "C-index", "gap right", *(f"skill {horizon:.0f} s" for horizon in SHOWN_SKILLS))
+    table = titled(f"{data_set}, time to the merge (n = {n:,} within 15 s)", ("model", *heads), numbers=heads)
+    table.columns[0].no_wrap = True
     columns = ("time_error", "time_error_ratio", "c_index", "gap_accuracy")
     for row in of_times.iter_rows(named=True):
         skills = rows.filter((rows["model"] == row["model"]) & rows["horizon"].is_in(SHOWN_SKILLS))["brier_skill"]
