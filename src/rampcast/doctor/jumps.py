@@ -8,10 +8,10 @@ from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 NOISE = 2.0  # [m] half a small car; from here on a jump changes which vehicle is next to which
 BESIDE = (-2, -1, 1, 2)  # the steps beside a step, whose median speed tells where the vehicle was going
 
+Row = Float[np.ndarray, "row"]
 
-def jumps(
-    position: Float[np.ndarray, "row"], step: Int[np.ndarray, "row"], *, longest: int, time_step: float
-) -> Float[np.ndarray, "row"]:
+
+def jumps(position: Row, step: Int[np.ndarray, "row"], *, longest: int, time_step: float) -> Row:
     """Returns how far each row lies from where its vehicle was going [m] if that is a jump, else 0.
 
     A vehicle that was going at speed v may be after a time T at most 2 m + 8 m/s^2 T^2 / 2 from v T: noise, and all
@@ -43,12 +43,7 @@ def jumps(
     return np.where(np.abs(found) > allowed, found, 0.0)
 
 
-def _suspects(
-    moved: Float[np.ndarray, "row"],
-    speed: Float[np.ndarray, "row"],
-    time: Float[np.ndarray, "row"],
-    allowed: Float[np.ndarray, "row"],
-) -> Bool[np.ndarray, "row"]:
+def _suspects(moved: Row, speed: Row, time: Row, allowed: Row) -> Bool[np.ndarray, "row"]:
     """Returns the rows that one of the steps beside them, of any vehicle, makes a jump: all jumps and more."""
     found = np.zeros(len(moved), dtype=bool)
     for offset in BESIDE:

@@ -80,14 +80,11 @@ def data_set(name: str) -> DataSet:
     """
     found = listed(name)
     if found.ask:
+        then = f"What you get is in the format {found.format}: `rampcast inspect FILE`"
+        if found.format == "plain":
+            then = "Then describe its columns in a mapping file: `rampcast convert FILE --mapping my.toml`"
         raise DownloadError(
             f"{found.title}: not downloaded, because its owners give it out themselves ({found.licence}). Go to "
-            f"{found.page}: {found.ask}. {_after(found)}"
+            f"{found.page}: {found.ask}. {then}"
         )
     return found
-
-
-def _after(found: DataSet) -> str:
-    if found.format == "plain":
-        return "Then describe its columns in a mapping file: `rampcast convert FILE --mapping my.toml`"
-    return f"What you get is in the format {found.format}: `rampcast inspect FILE`"

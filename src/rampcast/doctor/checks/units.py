@@ -87,9 +87,7 @@ def _time_step(subject: Subject) -> Iterator[_Measured]:
     if isinstance(compared, NotAssessed):
         return
     ratio = speed_ratio(*compared[1:])
-    if math.isfinite(ratio) and not unit_of_speed(
-        ratio
-    ):  # a recorded speed in another unit spoils nothing: it is only compared
+    if math.isfinite(ratio) and not unit_of_speed(ratio):  # another unit of a recorded speed spoils nothing
         seems = f"positions or time step are off by a factor of {1 / ratio:.3g}" if ratio else "nothing moved"
         yield _Measured("recorded speed over derived speed", ratio, RATIO, seems)
 

@@ -14,6 +14,9 @@ AROUND = 0.5  # [s] before and after a moment between which its direction is tak
 MOST_PLACES = 100_000  # with a known direction that are looked through for a vehicle that never moves
 MOVED = 2.0  # [m] in that time at which a vehicle moves; below, noise of a decimetre would turn it by several degrees
 
+Row = Float[np.ndarray, "row"]
+Track = Int[np.ndarray, "row"]
+
 
 def with_fronts(rows: pl.DataFrame, *, time_step: float) -> pl.DataFrame:
     """Returns rows of a plane whose positions are vehicles' centres, sorted, with the front centres for these.
@@ -32,9 +35,7 @@ def with_fronts(rows: pl.DataFrame, *, time_step: float) -> pl.DataFrame:
     return rows.with_columns(pl.col(PX) + pl.Series(ux * half), pl.col(PY) + pl.Series(uy * half))
 
 
-def directions(
-    track: Int[np.ndarray, "row"], px: Float[np.ndarray, "row"], py: Float[np.ndarray, "row"], *, time_step: float
-) -> tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]]:
+def directions(track: Track, px: Row, py: Row, *, time_step: float) -> tuple[Row, Row]:
     """Returns the unit vectors of the direction of travel; a vehicle that stands keeps its last one, or has its next.
 
     A vehicle that never moves has that of whoever was nearest to its place; if nothing moves at all, (0, 0).
@@ -62,13 +63,7 @@ def directions(
     return _of_neighbours(known >= 0, px, py, ux[known], uy[known])
 
 
-def _of_neighbours(
-    known: Bool[np.ndarray, "row"],
-    px: Float[np.ndarray, "row"],
-    py: Float[np.ndarray, "row"],
-    ux: Float[np.ndarray, "row"],
-    uy: Float[np.ndarray, "row"],
-) -> tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]]:
+def _of_neighbours(known: Bool[np.ndarray, "row"], px: Row, py: Row, ux: Row, uy: Row) -> tuple[Row, Row]:
     """Returns the unit vectors with those that are not known from the nearest place where one is."""
     if known.all():
         return ux, uy
@@ -83,7 +78,7 @@ def _of_neighbours(
     return ux, uy
 
 
-def _ends(track: Int[np.ndarray, "row"]) -> tuple[Int[np.ndarray, "row"], Int[np.ndarray, "row"]]:
+def _ends(track: Track) -> tuple[Int[np.ndarray, "row"], Int[np.ndarray, "row"]]:
     """Returns the first and the last row of each row's track."""
     starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]]) if len(track) else np.zeros(0, np.int64)
     lengths = np.diff(np.r_[starts, len(track)])
