@@ -341,11 +341,14 @@ def test_a_folder_that_is_not_to_be_written_to_is_told_so(portal, tmp_path):
 
 
 def test_a_full_disk_is_told_and_leaves_no_half_page(portal, tmp_path, monkeypatch):
-    def full(response, file):
-        file.write(b"half")
-        raise OSError(28, "No space left on device")
+    whole = httpx.Response.iter_bytes
 
-    monkeypatch.setattr("rampcast.download.portal.save_body", full)
+    def full(response):
+        yield from whole(response)
+        if response.url.path.endswith(".csv"):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(httpx.Response, "iter_bytes", full)
     with pytest.raises(DownloadError, match=r"page-00000.csv: cannot be written \(No space left on device\)"):
         get(portal, tmp_path)
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == []

@@ -27,7 +27,6 @@ from rampcast.download.transfer import (
     answer,
     patiently,
     read_text,
-    save_body,
     write_json,
     writing,
 )
@@ -165,7 +164,7 @@ class Portal:
                 if plan.pages and changed != plan.changed:
                     raise self._changed(f"it was changed on {changed}")
                 with partial.open("wb") as file:
-                    save_body(response, file)
+                    file.writelines(response.iter_bytes())
                 header, page = self._check(partial, plan, number)
             return replace(plan, changed=changed, header=header, pages=(*plan.pages, page))
 

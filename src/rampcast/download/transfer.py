@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 import httpx
@@ -267,15 +267,9 @@ class _Part:
             with self.path.open("ab") as file:
                 for chunk in response.iter_raw():
                     done += file.write(chunk)
-                    _tell_megabytes(tell, self.path, done, version.size)
+                    tell(f"{self.path.stem} [MB]", done // 1_000_000, max(version.size, done) // 1_000_000)
         if version.size >= 0 and done != version.size:
             raise PassingFault(f"expected {version.size:,} bytes, got {done:,}")
-
-
-def save_body(response: httpx.Response, file: BinaryIO) -> None:
-    """Writes the body of an answer, uncompressed."""
-    for chunk in response.iter_bytes():
-        file.write(chunk)
 
 
 def write_json(values: Mapping[str, object], path: Path) -> None:
@@ -288,10 +282,6 @@ def _validator(response: httpx.Response) -> str:
     """Returns what If-Range needs; "" if the server names nothing that tells two versions apart."""
     tag: str = response.headers.get("etag", "")
     return tag if tag and not tag.startswith("W/") else response.headers.get("last-modified", "")
-
-
-def _tell_megabytes(tell: Tell, path: Path, done: int, total: int) -> None:
-    tell(f"{path.stem} [MB]", done // 1_000_000, max(total, done) // 1_000_000)
 
 
 def _check_status(response: httpx.Response) -> None:
