@@ -9,10 +9,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-FOLDER, WORTH = (
-    "JAX_COMPILATION_CACHE_DIR",
-    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS",
-)  # jax reads them when imported
+FOLDER = "JAX_COMPILATION_CACHE_DIR"  # jax reads both when imported
+WORTH = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
 WORTH_KEEPING = 0.1  # [s] of compiling; below this, reading the program from disk saves nothing
 
 

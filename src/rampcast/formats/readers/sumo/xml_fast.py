@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BufferedIOBase
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,7 @@ def _read(name: str, stream: BufferedIOBase, columns: Sequence[Column], bad_rows
         return
     place = Place(start.count(b"\n") + 1)
     careful = None if root.is_utf8 else Careful(name, start, place, columns, bad_rows)
-    for block in _after(body, blocks):
+    for block in chain([body], blocks):
         found = _parse_fast(block, place, columns) if careful is None else None
         if found is not None:
             table, place = found
@@ -85,22 +86,13 @@ def _read(name: str, stream: BufferedIOBase, columns: Sequence[Column], bad_rows
         raise FormatError(cut_off(name, place.line))
 
 
-def _after(body: bytes, blocks: Iterator[bytes]) -> Iterator[bytes]:
-    yield body
-    yield from blocks
-
-
 def _blocks(name: str, stream: BufferedIOBase) -> Iterator[bytes]:
     """Yields the stream in blocks of whole lines; a file without line ends comes as it is read."""
     rest = b""
     while block := read_start(name, stream, size=CHUNK):
         whole, newline, rest_of_line = block.rpartition(b"\n")
-        if newline:
-            yield rest + whole + newline
-            rest = rest_of_line
-        else:
-            yield rest + block
-            rest = b""
+        yield rest + (whole + newline if newline else block)
+        rest = rest_of_line if newline else b""
     if rest:
         yield rest
 
