@@ -106,8 +106,7 @@ def reproduce(
     Raises:
         RecordingError: a window is missing.
     """
-    out, tell = Path(out), progress or tell_nobody
-    started = time.perf_counter()
+    out, tell, started = Path(out), progress or tell_nobody, time.perf_counter()
     site = None if site is None else site_of(site)
     recording = _smoothed(files, out, site, chosen(BadRows, bad_rows, name="bad_rows"), tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
