@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rampcast.horizon import FUTURE, STEP
-from rampcast.paper.algorithm_1 import Motion, follow, roll_out
+from rampcast.paper.algorithm_1 import Motion, Neighbours, follow, roll_out
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_SLOTS
@@ -25,7 +25,7 @@ DRAWN = {"gipps_paper": ([0.1, -1.0, 0.0], [3.0, 0.5, 2.0]), "ghr": ([0.1, -1.0,
 
 @dataclass(frozen=True)
 class Scene:
-    """Arguments of `roll_out` that describe what is around the central vehicles."""
+    """The central vehicles, and what is around them."""
 
     x: np.ndarray
     v: np.ndarray
@@ -77,7 +77,9 @@ def drivers(name: str, n: int, seed: int = 0) -> np.ndarray:
 
 def rolled(name: str, parameters: np.ndarray, scene: Scene, mode: Mode, **changed: Any) -> Motion:
     rest = {"ramp_end": RAMP_END, "v_max": V_MAX, "time_step": STEP} | changed
-    return roll_out(LAWS[name], parameters, **vars(scene), mode=mode, **rest)
+    leader = Neighbours(scene.leader_x, scene.leader_v, scene.leader_length, scene.leader_present)
+    target = Neighbours(scene.target_x, scene.target_v, scene.target_length, scene.target_present)
+    return roll_out(LAWS[name], parameters, x=scene.x, v=scene.v, leader=leader, target=target, mode=mode, **rest)
 
 
 def algorithm_1(name: str, p: list[float], scene: Scene, row: int, mode: Mode) -> tuple[list[float], list[float]]:

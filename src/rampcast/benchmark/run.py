@@ -21,11 +21,11 @@ from rampcast.benchmark.models import ORACLE, Fit, Forecasts, Training, oracle, 
 from rampcast.benchmark.splits import folds, group_numbers, split
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
+from rampcast.forecast.protocol import Progress, tell_nobody
 from rampcast.forecasters import FORECASTERS, merges, places
 from rampcast.simulate.shipped import shipped_sample
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
-Tell = Callable[[str, int, int], None]  # what, done, total
 PACKAGES = ("rampcast", "jax", "numpy", "scipy", "polars")
 FOLDS = 2  # of the forecasts by which the thresholds of models are chosen that know their training cases by heart
 MOST_FOR_THRESHOLDS = 1500  # training cases; a threshold needs no more
@@ -61,7 +61,7 @@ def benchmark(
     test: Path | str | None = None,
     out: Path | str | None = None,
     command: str = "",
-    progress: Tell | None = None,
+    progress: Progress | None = None,
 ) -> Benchmark:
     """Returns the scores of every model and baseline on the open benchmark, and each single forecast.
 
@@ -95,12 +95,11 @@ def run_benchmark(
     models: Mapping[str, Fit] | None = None,
     merge_models: Mapping[str, MergeFit] | None = None,
     data_sets: Mapping[str, DataSet] = DATA_SETS,
-    progress: Tell | None = None,
+    progress: Progress | None = None,
 ) -> Benchmark:
     """Returns the scores of every model on every data set whose files are in the folders.
 
-    When both folders are the same, each data set is split as the committed file says. When `test` is another folder,
-    all in it tests and all in `train` trains.
+    If both hold the same files, a data set is split as the committed file says; else `train` trains and `test` tests.
 
     Args:
         train: folder of the files to train on.
@@ -114,36 +113,32 @@ def run_benchmark(
     Raises:
         RecordingError: no data set has its files in both folders.
     """
-    same = Path(train).resolve() == Path(test).resolve()
-    tables: dict[str, list[pl.DataFrame]] = {name: [] for name in TABLES}
+    tell = progress or tell_nobody
+    scored: list[dict[str, pl.DataFrame]] = []
     record, left_out = {}, {}
     for number, (name, data_set) in enumerate(data_sets.items()):
-        if progress is not None:
-            progress("data sets", number, len(data_sets))
+        tell("data sets", number, len(data_sets))
         files = [data_set.find(folder) or _shipped(data_set, simulated) for folder in (train, test)]
-        missing = dict.fromkeys(str(folder) for folder, found in zip((train, test), files, strict=True) if not found)
-        if missing:
+        if not all(files):
+            missing = dict.fromkeys(str(folder) for folder, of in zip((train, test), files, strict=True) if not of)
             left_out[name] = f"no file {data_set.files} in {' and '.join(missing)}"
             continue
-        sides, about = _sides(data_set, *files, same=same or files[0] == files[1])
-        scored, overlaps = _scored(*sides, models, merge_models)
-        for table, rows in scored.items():
-            tables[table].append(rows)
-        record[name] = about | overlaps
-    if progress is not None:
-        progress("data sets", len(data_sets), len(data_sets))
-    return _put_together(tables, record, left_out)
+        tables, record[name] = _scored(data_set, files, models, merge_models)
+        scored.append(tables)
+    tell("data sets", len(data_sets), len(data_sets))
+    return _put_together(scored, record, left_out)
 
 
 def _put_together(
-    tables: Mapping[str, Sequence[pl.DataFrame]], record: Mapping[str, Any], left_out: Mapping[str, str]
+    scored: Sequence[Mapping[str, pl.DataFrame]], record: Mapping[str, Any], left_out: Mapping[str, str]
 ) -> Benchmark:
     if not record:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise RecordingError(f"no data set of the benchmark was found: {reasons}")
     packages = {package: importlib.metadata.version(package) for package in PACKAGES}
     versions = {"python": platform.python_version(), "versions": packages}
-    whole = {name: pl.concat(parts, how="vertical_relaxed") for name, parts in tables.items() if parts}
+    parts = {name: [tables[name] for tables in scored if name in tables] for name in TABLES}
+    whole = {name: pl.concat(some, how="vertical_relaxed") for name, some in parts.items() if some}
     return Benchmark(**whole, record={"data_sets": record, "left_out": left_out} | versions)
 
 
@@ -195,25 +190,29 @@ def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> li
 
 
 def _scored(
-    train: Cases, test: Cases, models: Mapping[str, Fit] | None, merge_models: Mapping[str, MergeFit] | None
+    data_set: DataSet,
+    files: Sequence[Sequence[Path]],
+    models: Mapping[str, Fit] | None,
+    merge_models: Mapping[str, MergeFit] | None,
 ) -> tuple[dict[str, pl.DataFrame], dict[str, Any]]:
-    """Returns the tables of one data set, those of merges only where there are some on both sides, and for the record
-    how many samples of each model overlap another vehicle.
+    """Returns the tables of one data set, those of merges only where there are some on both sides; and for the record
+    how it was split, and how many samples of each model overlap another vehicle.
     """
+    train, test, about = _sides(data_set, *files)
     models = places() if models is None else models
     merge_models = merges() if merge_models is None else merge_models
     training = Training(train)
     forecasts = forecast_cases(training, test, models=models)
     tables = {"scores": score_table(test, forecasts), "cases": case_table(test, forecasts)}
     counts = {name: int(one.overlaps[:, -1].sum()) for name, one in forecasts.items() if one.overlaps is not None}
-    overlaps = {"overlaps": counts} if counts else {}
+    about |= {"overlaps": counts} if counts else {}
     merging = test.select(test.merging)
     if not merge_models or not len(merging) or not train.merging.any():
-        return tables, overlaps
+        return tables, about
     of_merges, limits = forecast_merges(training, merging, models=merge_models)
     tables["merge_scores"] = merge_score_table(merging, of_merges, limits)
     tables["merge_cases"] = merge_case_table(merging, of_merges)
-    return tables, overlaps
+    return tables, about
 
 
 def _for_thresholds(training: Training, fit: MergeFit | None, predict: MergePredict) -> tuple[Cases, MergeForecasts]:
@@ -234,10 +233,9 @@ def _shipped(data_set: DataSet, simulated: Sequence[Path]) -> list[Path]:
     return [Path(file) for file in simulated] if data_set.name == "simulated" else []
 
 
-def _sides(
-    data_set: DataSet, training: Sequence[Path], testing: Sequence[Path], *, same: bool
-) -> tuple[tuple[Cases, Cases], dict[str, Any]]:
+def _sides(data_set: DataSet, training: Sequence[Path], testing: Sequence[Path]) -> tuple[Cases, Cases, dict[str, Any]]:
     """Returns the cases to train on and to test on, and what the run record says of them."""
+    same = [file.resolve() for file in training] == [file.resolve() for file in testing]
     if same:
         cases = data_set.read(training)
         parts = split(cases)
@@ -254,7 +252,7 @@ def _sides(
     groups = len(set(train.group.tolist())), len(set(test.group.tolist()))
     about = {"split": how, "train": len(train), "test": len(test), "train_groups": groups[0], "test_groups": groups[1]}
     merging = {f"{name}_merges": int(side.merging.sum()) for name, side in (("train", train), ("test", test))}
-    return (train, test), about | (merging if any(merging.values()) else {})
+    return train, test, about | (merging if any(merging.values()) else {})
 
 
 def _companions(data_set: DataSet, folder: Path, sides: tuple[Cases, Cases], *, same: bool) -> Cases | None:

@@ -241,6 +241,15 @@ def _merging_now(
     return state._replace(merged=state.merged | merge, gathered=gathered), merge, -jnp.expm1(-adds[0])
 
 
+def _began(
+    part: slice, chosen: Array, x: Array, v: Array, length: Array, start: Array, around: Array, present: Array
+) -> tuple[_Lane, _Known]:
+    """Returns the vehicles of one lane at t = 0, and what does not change of them; `chosen` are the drivers of all."""
+    spread = [jnp.broadcast_to(values[part], (len(values[part]), *chosen.shape[1:3])) for values in (x, v, start)]
+    record = idm.Parameters(*(chosen[part, ..., index] for index in range(chosen.shape[-1])))
+    return _Lane(*spread), _Known(length[part], around[part], present[part], record)
+
+
 def _begin(
     drivers: Float[Array, "driver param"],
     hazard: Float[Array, "weight"],
@@ -259,22 +268,14 @@ def _begin(
     present: Bool[ArrayLike, "row slot"],
     driver: Int[ArrayLike, "row slot sample"],
 ) -> tuple[_State, _Scene]:
-    x, v, length, start, around, present = (
-        jnp.asarray(rows).T[:, None] for rows in (x, v, length, start, around, present)
-    )
+    rows = [jnp.asarray(values).T[:, None] for values in (x, v, length, start, around, present)]
     chosen = drivers[jnp.asarray(driver).transpose(1, 2, 0)]
-    shape = chosen.shape[1:3]
-    lanes, known = [], []
-    for part in (slice(0, own), slice(own, None)):
-        spread = [jnp.broadcast_to(values[part], (len(values[part]), *shape)) for values in (x, v, start)]
-        lanes.append(_Lane(*spread))
-        record = idm.Parameters(*(chosen[part, ..., index] for index in range(drivers.shape[1])))
-        known.append(_Known(length[part], around[part], present[part], record))
+    (mine, of_mine), (others, of_others) = (_began(part, chosen, *rows) for part in (slice(own), slice(own, None)))
     central = (jnp.arange(may_merge) == 0)[:, None, None]  # of the others' places in their lanes nothing is known
     scene = _Scene(
-        own=known[0],
-        target=known[1],
-        may=present[:may_merge],
+        own=of_mine,
+        target=of_others,
+        may=rows[-1][:may_merge],
         limit=jnp.asarray(limit),
         to_end=jnp.asarray(to_end),
         first=hazard[-2],
@@ -282,9 +283,16 @@ def _begin(
         offset=jnp.where(central, jnp.asarray(offset), UNKNOWN_OFFSET),
         approach=jnp.where(central, jnp.asarray(approach), 0.0),
     )
-    nothing = jnp.zeros((may_merge, *shape), jnp.float32)
+    nothing = jnp.zeros((may_merge, *chosen.shape[1:3]), jnp.float32)
     waited = nothing + jnp.where(central, jnp.asarray(ready), jnp.float32(LONGEST_READY / 2.0))
-    return _State(lanes[0], lanes[1], nothing > 0.0, nothing, waited), scene
+    return _State(mine, others, nothing > 0.0, nothing, waited), scene
+
+
+def _gap_number(state: _State, known: _Scene) -> Array:
+    """Returns the gap of the target lane beside the central vehicle; see `SceneForecast.gap`."""
+    ahead_at_start = jnp.arange(TARGET_PLACES)[:, None, None] >= BEHIND
+    passed = known.target.present & ((state.target.x <= state.own.x[:1]) == ahead_at_start)
+    return jnp.where(passed, jnp.where(ahead_at_start, 1, -1), 0).sum(axis=0)
 
 
 @program
@@ -301,7 +309,6 @@ def merging(
     chance to merge in each step."""
     own = noise.shape[1] - TARGET_PLACES
     state, known = _begin(drivers, hazard, own, len(threshold), *states)
-    ahead_at_start = jnp.arange(TARGET_PLACES)[:, None, None] >= BEHIND
 
     def look(state: _State) -> tuple[_Gap, tuple[Array, ...]]:
         mine, others = _seen(state.own, known.own), _seen(state.target, known.target)
@@ -316,9 +323,8 @@ def merging(
         gap, seen = look(state)
         features, can, state = _look(state, known, gap, jnp.asarray(STEP * number, jnp.float32))
         state, merge, chance = _merging_now(state, features, can, threshold[:, :, None], hazard[:-2], faster)
-        passed = known.target.present & ((state.target.x <= state.own.x[:1]) == ahead_at_start)
-        now_gap = jnp.where(passed, jnp.where(ahead_at_start, 1, -1), 0).sum(axis=0)
-        merge_step, entered = jnp.where(merge[0], number, merge_step), jnp.where(merge[0], now_gap, entered)
+        merge_step = jnp.where(merge[0], number, merge_step)
+        entered = jnp.where(merge[0], _gap_number(state, known), entered)
         state = _driven_on(state, known, gap, kicks[:, :, None], numbers)
         return (state, merge_step, entered), (*seen, chance.mean(axis=0))
 

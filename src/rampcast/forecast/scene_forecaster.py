@@ -207,6 +207,29 @@ class SceneForecaster:
         )
 
 
+@dataclass(frozen=True)
+class _Training:
+    """The training vehicles: their scenes and what became of them; see `fit_scene_forecaster`."""
+
+    scenes: MergeScenes
+    truth: Float[np.ndarray, "scene step"]
+    leader_truth: Float[np.ndarray, "scene step"]
+    change_time: Float[np.ndarray, "scene"]
+    seen_for: Float[np.ndarray, "scene"]
+    group: Shaped[np.ndarray, "scene"]
+    t0: Float[np.ndarray, "scene"]
+
+    @property
+    def in_lane(self) -> Float[np.ndarray, "scene step"]:
+        """Returns the displacements until the lane change: after it a vehicle follows its leader of t = 0 no longer."""
+        until = np.where(np.isfinite(self.change_time), self.change_time, np.inf)
+        return np.where(TIME <= until[:, None], self.truth, np.nan)
+
+    def select(self, rows: Int[np.ndarray, "row"]) -> "_Training":
+        arrays = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "scenes"}
+        return _Training(scenes=self.scenes.select(rows), **arrays)
+
+
 def fit_scene_forecaster(
     scenes: MergeScenes,
     truth: Float[np.ndarray, "scene step"],
@@ -233,58 +256,38 @@ def fit_scene_forecaster(
         seed: of samples and trees.
         spec: what may be chosen.
     """
-    # a vehicle that has changed lane follows its leader of t = 0 no longer
-    in_lane = np.where(TIME <= np.where(np.isfinite(change_time), change_time, np.inf)[:, None], truth, np.nan)
+    training = _Training(scenes, truth, leader_truth, change_time, seen_for, group, t0)
     merging = np.flatnonzero(scenes.may_merge & ~(change_time <= 0.0))
-    others = np.flatnonzero(~scenes.may_merge)
-    some = others if len(others) else np.arange(len(scenes))
-    platoons = fit_platoon_forecaster(
-        scenes.own.select(some),
-        in_lane[some],
-        leader_truth[some],
-        group=group[some],
-        t0=t0[some],
+    merges = _fit_merges(training.select(merging), seed=seed, spec=spec) if len(merging) else None
+    return SceneForecaster(_fit_platoons(training, seed=seed, spec=spec), merges)
+
+
+def _fit_platoons(training: _Training, *, seed: int, spec: PlatoonForecasterSpec) -> PlatoonForecaster:
+    """Returns the forecaster of those without a lane to merge into; if all have one, of all, without a correction."""
+    others = np.flatnonzero(~training.scenes.may_merge)
+    some = training.select(others) if len(others) else training
+    return fit_platoon_forecaster(
+        some.scenes.own,
+        some.in_lane,
+        some.leader_truth,
+        group=some.group,
+        t0=some.t0,
         seed=seed,
         spec=spec if len(others) else replace(spec, correction=None),
     )
-    if not len(merging):
-        return SceneForecaster(platoons, None)
-    merges = _fit_merges(
-        scenes.select(merging),
-        truth[merging],
-        in_lane[merging],
-        leader_truth[merging],
-        change_time=change_time[merging],
-        seen_for=seen_for[merging],
-        group=group[merging],
-        t0=t0[merging],
-        seed=seed,
-        spec=spec,
-    )
-    return SceneForecaster(platoons, merges)
 
 
-def _fit_merges(
-    scenes: MergeScenes,
-    truth: Float[np.ndarray, "scene step"],
-    in_lane: Float[np.ndarray, "scene step"],
-    leader_truth: Float[np.ndarray, "scene step"],
-    *,
-    change_time: Float[np.ndarray, "scene"],
-    seen_for: Float[np.ndarray, "scene"],
-    group: Shaped[np.ndarray, "scene"],
-    t0: Float[np.ndarray, "scene"],
-    seed: int,
-    spec: PlatoonForecasterSpec,
-) -> MergeForecaster:
+def _fit_merges(training: _Training, *, seed: int, spec: PlatoonForecasterSpec) -> MergeForecaster:
+    scenes, truth, group = training.scenes, training.truth, training.group
+    seen_for, change_time = training.seen_for, training.change_time
     zone = merge_zone(scenes.to_end, truth, change_time)
     never = replace(NEVER, first=zone[0], last=zone[1])
-    model = MergeRollOut(fit_roll_out(scenes.own, in_lane, leader_truth), never)
+    model = MergeRollOut(fit_roll_out(scenes.own, training.in_lane, training.leader_truth), never)
     for _ in range(PASSES):
         seen = waiting_features(model, scenes, samples=LEARNING_SAMPLES, seed=seed)
         hazard = fit_merge_hazard(seen.features, change_time, seen_for, may=seen.can, zone=zone)
         model = replace(model, hazard=hazard)
-    begin, end = t0 - (HISTORY - 1) * STEP, t0 + FUTURE * STEP
+    begin, end = training.t0 - (HISTORY - 1) * STEP, training.t0 + FUTURE * STEP
     folds = time_folds(group, begin, end, count=min(spec.folds, len(set(group.tolist()))))
     forest = fit_merge_forest(
         merge_columns(scenes),

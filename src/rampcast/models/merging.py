@@ -96,11 +96,25 @@ def merge_features(
         approach: lateral speed toward it at t = 0 [m/s]; 0 where not known.
         time: since t = 0 [s].
     """
-    speed, lead, lag = jnp.asarray(speed), jnp.asarray(beside.lead_gap), jnp.asarray(beside.lag_gap)
+    speed = jnp.asarray(speed)
+    into, left = jnp.asarray(into), jnp.clip(jnp.asarray(left), 0.0, LANE_GOES_ON)
+    return (
+        *_room(speed, beside),
+        jnp.minimum(jnp.asarray(beside.ready), LONGEST_READY) / 2.0,
+        speed / 10.0,
+        jnp.exp(-left / SOON),
+        jnp.minimum(left / jnp.maximum(speed, 1.0), LONGEST) / 10.0,
+        jnp.exp(-jnp.maximum(into, 0.0) / FRESH),
+        *_lateral(jnp.asarray(offset), jnp.asarray(approach), jnp.asarray(time)),
+    )
+
+
+def _room(speed: Float[Array, "*#scene"], beside: Beside) -> tuple[Float[Array, "*#scene"], ...]:
+    """Returns how large the gaps ahead and behind are, how fast they open and close, and how tight they will be."""
+    lead, lag = jnp.asarray(beside.lead_gap), jnp.asarray(beside.lag_gap)
     lead_in, lag_in = jnp.clip(lead, NEAREST, FARTHEST), jnp.clip(lag, NEAREST, FARTHEST)
     closing, closed = speed - jnp.asarray(beside.lead_speed), jnp.asarray(beside.lag_speed) - speed
     tightest = jnp.minimum(lead - LOOKAHEAD * closing, lag - LOOKAHEAD * closed)
-    into, left = jnp.asarray(into), jnp.clip(jnp.asarray(left), 0.0, LANE_GOES_ON)
     return (
         jnp.log(lead_in / 10.0),
         jnp.log(lag_in / 10.0),
@@ -113,12 +127,6 @@ def merge_features(
         jnp.minimum(jnp.maximum(closing, 0.0) ** 2 / (2.0 * lead_in), HARDEST) / 2.0,
         jnp.minimum(jnp.maximum(closed, 0.0) ** 2 / (2.0 * lag_in), HARDEST) / 2.0,
         jnp.clip(tightest, -WELL, WELL) / WELL,
-        jnp.minimum(jnp.asarray(beside.ready), LONGEST_READY) / 2.0,
-        speed / 10.0,
-        jnp.exp(-left / SOON),
-        jnp.minimum(left / jnp.maximum(speed, 1.0), LONGEST) / 10.0,
-        jnp.exp(-jnp.maximum(into, 0.0) / FRESH),
-        *_lateral(jnp.asarray(offset), jnp.asarray(approach), jnp.asarray(time)),
     )
 
 

@@ -25,20 +25,30 @@ class Motion(NamedTuple):
     v: Float[np.ndarray, "scene future"]
 
 
+class Neighbours(NamedTuple):
+    """Leaders as the follower meets them: one for each scene, or several in an axis of their own.
+
+    Attributes:
+        x: positions of their fronts at t = 0, T, ... [m].
+        v: their speeds [m/s].
+        length: their lengths [m]; zero makes the gap front to front.
+        present: False for virtual ones.
+    """
+
+    x: Float[np.ndarray, "scene *slot step"]
+    v: Float[np.ndarray, "scene *slot step"]
+    length: Float[np.ndarray, "scene *slot"]
+    present: Bool[np.ndarray, "scene *slot"]
+
+
 def roll_out(
     law: Law,
     parameters: Float[np.ndarray, "scene param"],
     *,
     x: Float[np.ndarray, "scene"],
     v: Float[np.ndarray, "scene"],
-    leader_x: Float[np.ndarray, "scene step"],
-    leader_v: Float[np.ndarray, "scene step"],
-    leader_length: Float[np.ndarray, "scene"],
-    leader_present: Bool[np.ndarray, "scene"],
-    target_x: Float[np.ndarray, "scene target step"],
-    target_v: Float[np.ndarray, "scene target step"],
-    target_length: Float[np.ndarray, "scene target"],
-    target_present: Bool[np.ndarray, "scene target"],
+    leader: Neighbours,
+    target: Neighbours,
     ramp_end: float,
     v_max: float,
     mode: Mode,
@@ -57,24 +67,18 @@ def roll_out(
         parameters: of each central vehicle, in the order of `law.bounds`.
         x: position of the central vehicle's front at t = 0 [m].
         v: its speed at t = 0 [m/s].
-        leader_x: positions of the immediate leader at t = 0, T, ... [m].
-        leader_v: its speeds [m/s].
-        leader_length: its length [m].
-        leader_present: False for a virtual leader.
-        target_x: positions of l1, l2, f1, f2 at t = 0, T, ... [m].
-        target_v: their speeds [m/s].
-        target_length: their lengths [m].
-        target_present: False for virtual ones.
+        leader: the immediate leader.
+        target: l1, l2, f1, f2.
         ramp_end: where the ramp lane ends [m].
         v_max: speed limit [m/s].
         mode: which reading of the paper.
         time_step: T [s].
     """
     if len(x) == 0:
-        return Motion(np.empty_like(leader_x[:, 1:], dtype=float), np.empty_like(leader_x[:, 1:], dtype=float))
+        nothing = np.empty_like(leader.x[:, 1:], dtype=float)
+        return Motion(nothing, nothing)
     program = partial(_algorithm_1, law, mode, ramp_end, v_max, time_step)
-    own = (parameters, x, v, leader_x, leader_v, leader_length, leader_present)
-    return Motion(*over_blocks(program, (*own, target_x, target_v, target_length, target_present)))
+    return Motion(*over_blocks(program, (parameters, x, v, *leader, *target)))
 
 
 def follow(
@@ -103,19 +107,14 @@ def follow(
         time_step: T [s].
     """
     scenes, steps = leader_x.shape
+    nobody = np.empty((scenes, 0, steps))
     return roll_out(
         law,
         parameters,
         x=x,
         v=v,
-        leader_x=leader_x,
-        leader_v=leader_v,
-        leader_length=leader_length,
-        leader_present=np.ones(scenes, dtype=bool),
-        target_x=np.empty((scenes, 0, steps)),
-        target_v=np.empty((scenes, 0, steps)),
-        target_length=np.empty((scenes, 0)),
-        target_present=np.empty((scenes, 0), dtype=bool),
+        leader=Neighbours(leader_x, leader_v, leader_length, np.ones(scenes, dtype=bool)),
+        target=Neighbours(nobody, nobody, np.empty((scenes, 0)), np.empty((scenes, 0), dtype=bool)),
         ramp_end=np.inf,
         v_max=v_max,
         mode=Mode.CORRECTED,

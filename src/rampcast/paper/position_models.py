@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rampcast.horizon import STEP
-from rampcast.paper.algorithm_1 import roll_out
+from rampcast.paper.algorithm_1 import Neighbours, roll_out
 from rampcast.paper.inputs import Inputs
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.neighbours.predict import NeighbourForecast, continue_at_constant_speed
@@ -33,20 +33,20 @@ def car_following(inputs: Inputs, *, law: str) -> Float[np.ndarray, "scene futur
 
 
 def _drive(law: str, inputs: Inputs, neighbours: NeighbourForecast) -> Float[np.ndarray, "scene future"]:
-    scenes, targets = inputs.scenes, list(TARGET_SLOTS)
+    scenes = inputs.scenes
+
+    def at(slots: int | list[int]) -> Neighbours:
+        return Neighbours(
+            neighbours.x[:, slots], neighbours.v[:, slots], scenes.length[:, slots], ~scenes.virtual[:, slots]
+        )
+
     motion = roll_out(
         LAWS[law],
         inputs.calibration(law).parameters,
         x=scenes.past[:, CENTRAL, -1, X],
         v=scenes.past[:, CENTRAL, -1, V],
-        leader_x=neighbours.x[:, LEADER],
-        leader_v=neighbours.v[:, LEADER],
-        leader_length=scenes.length[:, LEADER],
-        leader_present=~scenes.virtual[:, LEADER],
-        target_x=neighbours.x[:, targets],
-        target_v=neighbours.v[:, targets],
-        target_length=scenes.length[:, targets],
-        target_present=~scenes.virtual[:, targets],
+        leader=at(LEADER),
+        target=at(list(TARGET_SLOTS)),
         ramp_end=scenes.site.ramp_end,
         v_max=scenes.site.speed_limit,
         mode=inputs.mode,

@@ -74,6 +74,12 @@ class Protocol:
     modes: tuple[Mode, ...] = tuple(Mode)
     command: str = "rampcast.paper.reproduce.reproduce"
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """Returns what the run record says of it."""
+        training = {"rampcast": asdict(self.ours), "paper": asdict(self.paper)}
+        return {"command": self.command, "seed": self.paper.seed, "training": training, "every": self.every}
+
 
 DEMO = Protocol(
     ours=ForecasterSpec(
@@ -113,17 +119,8 @@ def reproduce(
     test = _window(recording, TEST_WINDOW)
     results = [_scored(training, test, out / "models", mode, protocol, tell) for mode in protocol.modes]
     tables, counts = _side_by_side(results, test)
-    run = _run_record(
-        training.names,
-        recording_hash(training),
-        test,
-        counts,
-        training={"rampcast": asdict(protocol.ours), "paper": asdict(protocol.paper)},
-        command=protocol.command,
-        every=protocol.every,
-        seed=protocol.paper.seed,
-        seconds=time.perf_counter() - started,
-    )
+    trained = (training.names, recording_hash(training))
+    run = _run_record(trained, test, counts, how=protocol.record, seconds=time.perf_counter() - started)
     tell("report", 0, 1)
     page = _written(tables, run, recording.site, out)
     tell("report", 1, 1)
@@ -176,14 +173,10 @@ def score(
     started = time.perf_counter()
     result = evaluate([forecaster], recording, every=every, seed=seed)
     run = _run_record(
-        forecaster.trained_on,
-        forecaster.data_hash,
+        (forecaster.trained_on, forecaster.data_hash),
         recording,
         run_counts(recording, result.scenes),
-        training={"seed": seed},
-        command=command,
-        every=every,
-        seed=seed,
+        how={"command": command, "seed": seed, "training": {"seed": seed}, "every": every},
         seconds=time.perf_counter() - started,
     )
     return result, _written(result.tables, run, forecaster.site, out)
@@ -301,29 +294,22 @@ def _kept(
 
 
 def _run_record(
-    trained_on: Sequence[str],
-    data_hash: str,
+    trained: tuple[Sequence[str], str],
     test: Recording,
     counts: dict[str, int],
     *,
-    training: dict[str, Any],
-    command: str,
-    every: float,
-    seed: int,
+    how: dict[str, Any],
     seconds: float,
 ) -> dict[str, Any]:
-    return {
+    """Returns what is known of a run; `trained` are the names of the windows trained on, and the hash of their data."""
+    return how | {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": command,
-        "seed": seed,
-        "data_hash": data_hash,
+        "data_hash": trained[1],
         "test_data_hash": recording_hash(test),
         "source": test.source,
         "versions": {"rampcast": __version__} | versions(),
-        "trained_on": list(trained_on),
+        "trained_on": list(trained[0]),
         "tested_on": test.names,
-        "training": training,
-        "every": every,
         "counts": counts,
         "timings": {"this run [s]": round(seconds, 1)},
     }

@@ -4,6 +4,7 @@ import tempfile
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -66,30 +67,48 @@ def simulate(
         SiteError: the site's target lane is not its rightmost main lane.
         RecordingError: an argument has no meaning.
     """
-    site = site_of(site)
-    if minutes <= 0 or warm_up < SETTLE:
-        raise RecordingError(f"expected minutes > 0 and warm_up >= {SETTLE} s, got {minutes} and {warm_up}")
-    duration = warm_up + 60 * minutes + SETTLE
+    demand = _Demand(flow_per_lane, ramp_flow, shares, sign_speeds, warm_up, seed)
+    recording = _recorded(site_of(site), demand, minutes=minutes, window=window, progress=progress)
+    return add_position_noise(recording, standard_deviation=position_noise, seed=seed)
+
+
+class _Demand(NamedTuple):
+    """Who wants to drive, and what holds them back; see `simulate`."""
+
+    flow_per_lane: float
+    ramp_flow: float
+    shares: tuple[float, float, float]
+    sign_speeds: tuple[float, float]
+    warm_up: float
+    seed: int
+
+
+def _recorded(site: Site, demand: _Demand, *, minutes: float, window: str, progress: Progress | None) -> Recording:
+    """Returns the recording without noise."""
+    begin, seed = demand.warm_up, demand.seed
+    if minutes <= 0 or begin < SETTLE:
+        raise RecordingError(f"expected minutes > 0 and warm_up >= {SETTLE} s, got {minutes} and {begin}")
+    end = begin + 60 * minutes + SETTLE
     with tempfile.TemporaryDirectory(prefix="rampcast-") as name:
         folder = Path(name)
         network = write_network(site, folder)
-        lanes = len(main_lanes(site))
-        draw = partial(draw_vehicles, duration=duration, shares=shares, seed=seed)
-        main = draw(route="main", lanes=lanes, flow=flow_per_lane * lanes)
-        ramp = draw(route="ramp", lanes=1, flow=ramp_flow)
-        vehicles = pl.concat([main, ramp]).sort("depart", maintain_order=True)
+        vehicles = _vehicles(site, demand, until=end)
         write_vehicles(vehicles, main=roads(site), ramp=ramp_roads(site), path=folder / "vehicles.xml")
         sign = next(road for road in roads(site) if road.name == "slow")
-        write_sign(folder / "sign.xml", road=sign, speeds=sign_speeds, warm_up=warm_up, duration=duration, seed=seed)
-        positions = _drive(folder, network, begin=warm_up - SETTLE, end=duration, seed=seed, progress=progress)
-    tracks = _tracks(positions, vehicles, site=site, seed=seed, begin=warm_up, frames=round(600 * minutes))
-    tracks = (
-        tracks.with_columns(pl.lit(f"{site.name}-{window}").alias(c.RECORDING))
-        .select(list(c.SCHEMA))
-        .cast(pl.Schema(c.SCHEMA))
-    )
-    recording = Recording(tracks=tracks, site=site, time_step=TIME_STEP, source="simulated")
-    return add_position_noise(recording, standard_deviation=position_noise, seed=seed)
+        write_sign(folder / "sign.xml", road=sign, speeds=demand.sign_speeds, warm_up=begin, duration=end, seed=seed)
+        positions = _drive(folder, network, begin=begin - SETTLE, end=end, seed=seed, progress=progress)
+    tracks = _tracks(positions, vehicles, site=site, seed=seed, begin=begin, frames=round(600 * minutes))
+    named = tracks.with_columns(pl.lit(f"{site.name}-{window}").alias(c.RECORDING)).select(list(c.SCHEMA))
+    return Recording(tracks=named.cast(pl.Schema(c.SCHEMA)), site=site, time_step=TIME_STEP, source="simulated")
+
+
+def _vehicles(site: Site, demand: _Demand, *, until: float) -> pl.DataFrame:
+    """Returns the vehicles of all lanes in the order in which they set out."""
+    lanes = len(main_lanes(site))
+    draw = partial(draw_vehicles, duration=until, shares=demand.shares, seed=demand.seed)
+    main = draw(route="main", lanes=lanes, flow=demand.flow_per_lane * lanes)
+    ramp = draw(route="ramp", lanes=1, flow=demand.ramp_flow)
+    return pl.concat([main, ramp]).sort("depart", maintain_order=True)
 
 
 def _drive(

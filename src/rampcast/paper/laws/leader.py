@@ -80,11 +80,10 @@ def actual_leader(
     """
     p = nearest_ahead(x, target, mode=mode)
     on_ramp = jnp.asarray(leader.x) < ramp_end
-    if mode is Mode.PAPER:
-        both, alone = on_ramp & p.present, jnp.zeros_like(p.present)
-    else:
+    if mode is not Mode.PAPER:
         on_ramp = on_ramp & jnp.asarray(leader.present)
-        both, alone = on_ramp & p.present, on_ramp & ~jnp.asarray(p.present)
+    both = on_ramp & p.present
+    alone = jnp.zeros_like(p.present) if mode is Mode.PAPER else on_ramp & ~jnp.asarray(p.present)
 
     def merge(of_leader: Float[ArrayLike, "*#scene"], of_p: Float[ArrayLike, "*#scene"]) -> Float[Array, "*#scene"]:
         of_leader, of_p = jnp.asarray(of_leader), jnp.asarray(of_p)
