@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from rampcast.benchmark.merge_metrics import (
-    accuracy,
-    best_threshold,
     brier_terms,
     c_index,
     c_index_draws,
@@ -18,6 +16,7 @@ from rampcast.benchmark.merge_metrics import (
 )
 from rampcast.benchmark.merges import TIME, median_time
 from rampcast.benchmark.metrics import bootstrap_ratio, group_draws
+from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 
 RNG = np.random.default_rng(5)
 SEEN = np.array([True])

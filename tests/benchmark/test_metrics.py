@@ -10,7 +10,6 @@ from rampcast.benchmark.metrics import (
     case_table,
     coverage,
     crps_of_quantiles,
-    crps_of_samples,
     gap_closed,
     group_draws,
     pit_histogram,
@@ -21,24 +20,8 @@ from rampcast.benchmark.models import LEVELS, Forecasts
 RNG = np.random.default_rng(3)
 
 
-def test_the_crps_of_samples_is_that_of_a_loop_over_all_pairs():
-    samples, truth = RNG.normal(size=(7, 11)), RNG.normal(size=7)
-    for row, y, found in zip(samples, truth, crps_of_samples(samples, truth), strict=True):
-        pairs = np.mean([abs(one - other) for one in row for other in row])
-        assert found == pytest.approx(np.mean([abs(one - y) for one in row]) - pairs / 2)
-
-
-def test_the_crps_of_many_normal_samples_nears_the_closed_form():
-    """Gneiting and Raftery 2007, eq. 5, for a standard normal: y (2 Phi(y) - 1) + 2 phi(y) - 1/sqrt(pi)."""
-    samples = norm.ppf((np.arange(2000) + 0.5) / 2000)[None, :]
-    for y in (-1.5, 0.0, 0.7):
-        expected = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
-        assert crps_of_samples(samples, np.array([y]))[0] == pytest.approx(expected, abs=1e-3)
-
-
 def test_the_crps_of_a_single_number_is_its_absolute_error():
     truth = np.array([3.0, -1.0])
-    np.testing.assert_allclose(crps_of_samples(np.array([[5.0], [-2.0]]), truth), [2.0, 1.0])
     np.testing.assert_allclose(crps_of_quantiles(np.full((2, 5), [[5.0], [-2.0]]), truth), [2.0, 1.0])
 
 

@@ -10,8 +10,6 @@ from jaxtyping import Bool, Float, Int
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.merge_metrics import (
     HORIZON,
-    accuracy,
-    best_threshold,
     brier_terms,
     c_index,
     c_index_draws,
@@ -24,6 +22,7 @@ from rampcast.benchmark.merge_metrics import (
 )
 from rampcast.benchmark.merges import BASE_RATE, MERGE_REFERENCE, MergeForecasts
 from rampcast.benchmark.metrics import bootstrap_mean, bootstrap_ratio, group_draws, interval
+from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 from rampcast.horizon import STEPS_PER_SECOND
 
 SECONDS = range(1, round(HORIZON) + 1)

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.models import LEVELS, ORACLE, REFERENCE, Forecasts
-from rampcast.evaluate.positions import FAR, NEAR
+from rampcast.evaluate.positions import position_scores
 from rampcast.horizon import STEPS_PER_SECOND
 
 DEPTHS = (0, 1, 2, 3, 4)  # "at least so many leaders known at t = 0"; 0 is all cases
@@ -16,20 +16,6 @@ DRAWS = 1000  # of a bootstrap
 CONFIDENCE = 0.95
 LEVEL_WIDTHS = (0.15, 0.225, 0.25, 0.225, 0.15)  # share of the levels from 0 to 1 that lies nearest to each of LEVELS
 BINS = ("00_05", "05_25", "25_50", "50_75", "75_95", "95_100")  # between LEVELS [%]
-
-
-def crps_of_samples(
-    samples: Float[np.ndarray, "case sample"], truth: Float[np.ndarray, "case"]
-) -> Float[np.ndarray, "case"]:
-    """Returns the continuous ranked probability score E|X - y| - E|X - X'| / 2 of each case [m].
-
-    Source: Gneiting and Raftery 2007, eq. 21, over all pairs of samples.
-    """
-    ordered = np.sort(samples, axis=1)
-    count = samples.shape[1]
-    # sum over pairs of |x_i - x_j| = 2 sum_k (2 k - n + 1) x_k for k = 0 ... n - 1 in order
-    spread = (2.0 * np.arange(count) - count + 1.0) @ ordered.T * 2.0 / count**2
-    return np.abs(samples - truth[:, None]).mean(axis=1) - spread / 2.0
 
 
 def crps_of_quantiles(
@@ -198,18 +184,18 @@ def _scores(
 ) -> dict[str, object]:
     truth = cases.truth[rows, step]
     error = forecast.x[rows, step] - truth
-    size = np.abs(error)
-    low, high = bootstrap_mean(size, group, draws)
+    low, high = bootstrap_mean(np.abs(error), group, draws)
+    about = position_scores(error)
     scores: dict[str, object] = {
         "n": len(rows),
         "groups": len(np.unique(group)),
-        "mean_error": float(size.mean()),
+        "mean_error": about["mean_error"],
         "error_low": low,
         "error_high": high,
         "rmse": float(np.sqrt(np.mean(error**2))),
-        "bias": float(error.mean()),
-        "within_5": float(np.mean(size < NEAR)),
-        "within_10": float(np.mean(size < FAR)),
+        "bias": about["bias"],
+        "within_5": about["within_5"],
+        "within_10": about["within_10"],
     }
     counted = None if forecast.overlaps is None else int(forecast.overlaps[rows, step].sum())
     quantiles = None if forecast.quantiles is None else forecast.quantiles[rows, step]

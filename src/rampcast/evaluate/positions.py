@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from rampcast.horizon import STEPS_PER_SECOND
 
 NEAR, FAR = 5.0, 10.0  # [m] the paper counts forecasts within these
+SCORES = ("within_5", "within_10", "mean_error", "bias")
 
 
 def position_errors(
@@ -27,19 +28,14 @@ def position_errors(
     rows = []
     for step in range(STEPS_PER_SECOND - 1, predicted.shape[1], STEPS_PER_SECOND):
         error = (predicted[:, step] - observed[:, step])[valid[:, step]]
-        size = np.abs(error)
-        seen = len(error) > 0
-        rows.append(
-            {
-                "horizon": float((step + 1) // STEPS_PER_SECOND),
-                "n": len(error),
-                "within_5": float(np.mean(size < NEAR)) if seen else None,
-                "within_10": float(np.mean(size < FAR)) if seen else None,
-                "mean_error": float(size.mean()) if seen else None,
-                "bias": float(error.mean()) if seen else None,
-            }
-        )
-    schema = {"horizon": pl.Float64, "n": pl.Int64} | dict.fromkeys(
-        ("within_5", "within_10", "mean_error", "bias"), pl.Float64
-    )
+        about = position_scores(error) if len(error) else dict.fromkeys(SCORES)
+        rows.append({"horizon": float((step + 1) // STEPS_PER_SECOND), "n": len(error)} | about)
+    schema = {"horizon": pl.Float64, "n": pl.Int64} | dict.fromkeys(SCORES, pl.Float64)
     return pl.DataFrame(rows, schema=schema)
+
+
+def position_scores(error: Float[np.ndarray, "forecast"]) -> dict[str, float]:
+    """Returns the `SCORES` of forecast minus observed [m], one at least; for what they are see `position_errors`."""
+    size = np.abs(error)
+    values = (np.mean(size < NEAR), np.mean(size < FAR), size.mean(), error.mean())
+    return dict(zip(SCORES, map(float, values), strict=True))

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float
 
+from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 from rampcast.forecast.tables import TIMES
 from rampcast.paper.lane_change.forests import LaneChangeForests, predict
 from rampcast.paper.lane_change.sets import KINDS, Anchors, SampleSet, Sampling, sample_set
@@ -75,16 +76,14 @@ def lane_change_scores(
 def binary_metrics(
     probability: Float[np.ndarray, "sample"], positive: Bool[np.ndarray, "sample"]
 ) -> dict[str, float | None]:
-    """Returns the `METRICS`; None where undefined.
-
-    All are None where the model has no answer (a probability of NaN).
-    """
-    if np.isnan(probability).any():
+    """Returns the `METRICS`; None where undefined. All are without a sample, or an answer (a probability of NaN)."""
+    if not len(positive) or np.isnan(probability).any():
         return dict.fromkeys(METRICS)
     said = probability > THRESHOLD
     right = said == positive
-    brier, rate = _mean((probability - positive) ** 2), _mean(positive)
-    by_chance = None if rate is None else rate * (1.0 - rate)  # the Brier score of always saying the base rate
+    brier, rate = float(np.mean((probability - positive) ** 2)), float(positive.mean())
+    by_chance = rate * (1.0 - rate)  # the Brier score of always saying the base rate
+    alike = np.ones(len(positive))
     return {
         "accuracy": _mean(right),
         "tpr": _mean(right[positive]),
@@ -93,22 +92,12 @@ def binary_metrics(
         "npv": _mean(right[~said]),
         "base_rate": rate,
         "brier": brier,
-        "best_accuracy": _best_accuracy(probability, positive),
-        "brier_skill": 1.0 - brier / by_chance if by_chance and brier is not None else None,
+        "best_accuracy": accuracy(probability, positive, alike, threshold=best_threshold(probability, positive, alike)),
+        "brier_skill": 1.0 - brier / by_chance if by_chance else None,
     }
 
 
-def _best_accuracy(probability: Float[np.ndarray, "sample"], positive: Bool[np.ndarray, "sample"]) -> float | None:
-    """Returns the accuracy with the best of all thresholds."""
-    if not len(positive):
-        return None
-    order = np.argsort(-probability)
-    right = np.count_nonzero(~positive) + np.cumsum(np.where(positive[order], 1, -1))  # a yes to so many
-    cut = np.append(np.diff(probability[order]) < 0, True)  # equal probabilities get the same answer
-    return float(max(right[cut].max(), np.count_nonzero(~positive)) / len(positive))
-
-
-def _mean(values: Bool[np.ndarray, "chosen"] | Float[np.ndarray, "chosen"]) -> float | None:
+def _mean(values: Bool[np.ndarray, "chosen"]) -> float | None:
     return float(values.mean()) if len(values) else None
 
 
