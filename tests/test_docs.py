@@ -22,6 +22,7 @@ COMMANDS = [command.callback.__name__ for command in app.registered_commands if 
 PYTHON_BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 MOST_LINES = 12  # of the README's example
+PATH = re.compile(r"\b(?:src/rampcast|tests|benchmarks|docs)/[\w/.-]*\w(?=`)")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
@@ -117,6 +118,14 @@ def test_the_help_names_every_command_and_the_readme_too():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert [command for command in COMMANDS if command not in shown] == []
     assert [command for command in COMMANDS if f"`rampcast {command}" not in readme] == []
+
+
+def test_every_path_of_the_code_that_a_page_names_is_there_and_contributing_names_every_package():
+    pages = {page.name: page.read_text(encoding="utf-8") for page in PAGES if page.name != "CHANGELOG.md"}
+    named = [(name, path) for name, text in pages.items() for path in PATH.findall(text)]
+    assert [(name, path) for name, path in named if "NAME" not in path and not (ROOT / path).exists()] == []
+    packages = [folder.parent.name for folder in (ROOT / "src" / "rampcast").glob("*/__init__.py")]
+    assert [package for package in packages if f"`{package}/`" not in pages["CONTRIBUTING.md"]] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
