@@ -157,6 +157,10 @@ def test_a_recording_and_a_site_are_tables_in_a_notebook(recording):
     assert "<td>gore at 118 m, ends at 230 m, into lane 6</td>" in recording.site._repr_html_()
 
 
+def test_a_forecast_is_told_in_a_line_and_not_by_its_samples():
+    assert repr(standing_forecast("noon")) == "<Forecast of noon: 2 vehicles at a moment>"
+
+
 def test_names_from_files_stay_text_in_a_notebook(recording):
     site = replace(TEST_SITE, name=HOSTILE, title=HOSTILE)
     shown_of_recording = replace(recording, site=site, source=HOSTILE)._repr_html_()

@@ -10,6 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
+from typer import Context
 from typer.models import ArgumentInfo, CommandInfo
 
 from rampcast.cli.app import app
@@ -46,6 +47,8 @@ def _section(command: CommandInfo) -> str:
 def _rows(callback: Callable[..., Any]) -> Iterator[str]:
     hints = get_type_hints(callback, include_extras=True)
     for name, parameter in inspect.signature(callback).parameters.items():
+        if hints[name] is Context:
+            continue
         kind, info = get_args(hints[name])
         if info.hidden:
             continue

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from rampcast.benchmark import default_folder, run_benchmark, write_benchmark
+from rampcast.benchmark import benchmark, default_folder, run_benchmark, write_benchmark
 from rampcast.cli.app import app
 from rampcast.errors import RecordingError
 from rampcast.forecasters import places
@@ -60,6 +60,12 @@ def test_a_companion_trains_with_its_other_windows_alone_as_those_are_of_another
     assert (about["train"], about["test"]) == (120, 40)
 
 
+@pytest.mark.parametrize("folders", [("nowhere", None), (".", "nowhere")])
+def test_a_folder_that_is_not_there_is_refused_before_anything_runs(folders):
+    with pytest.raises(RecordingError, match="nowhere: there is no such folder"):
+        benchmark(folders[0], test=folders[1])
+
+
 def test_a_folder_with_nothing_of_the_benchmark_is_refused(tmp_path):
     with pytest.raises(
         RecordingError, match="no data set of the benchmark was found: i80_pairs_three_windows: no file"
@@ -94,9 +100,9 @@ def test_the_command_prints_a_table_and_writes_the_files(found, tmp_path, monkey
         return found
 
     monkeypatch.setattr(sys.modules["rampcast.benchmark.run"], "run_benchmark", run)
-    done = CliRunner().invoke(app, ["benchmark", "--train", "here", "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(app, ["benchmark", "--train", str(tmp_path), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
-    assert (str(asked["train"]), str(asked["test"]), len(asked["simulated"])) == ("here", "here", 3)
+    assert (str(asked["train"]), str(asked["test"]), len(asked["simulated"])) == (str(tmp_path), str(tmp_path), 3)
     assert "leaders known: 2 or more" in done.output
     assert "hee_merge_pairs: left out, no file hee_merge_pairs.parquet" in done.output
     assert (tmp_path / "out" / "cases.parquet").is_file()

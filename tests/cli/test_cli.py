@@ -160,6 +160,8 @@ def test_most_rows_off_the_road_are_warned_of(capsys):
     [
         (("inspect", "nowhere.txt"), "there is no such file"),
         (("forecast", "--model", "nowhere", "--recording", "nowhere.txt", "--out", "x"), "no model folder"),
+        (("train", "x.parquet", "--out", "x", "--epochs", "3"), "--epochs: only for the paper's LSTMs"),
+        (("benchmark", "--train", "nowhere"), "nowhere: there is no such folder"),
         (("reproduce", "--data", "nowhere", "--out", "x"), "there is no such folder"),
         (("convert", "nowhere.txt", "--site", "moon", "--out", "x.parquet"), "there is no site 'moon'"),
     ],

@@ -75,8 +75,11 @@ def benchmark(
         progress: see `run_benchmark`.
 
     Raises:
-        RecordingError: no data set has its files in both folders.
+        RecordingError: a folder is not there, or no data set has its files in both.
     """
+    for given in (folder, test):
+        if given is not None and not Path(given).is_dir():
+            raise RecordingError(f"{given}: there is no such folder")
     folder = Path(folder) if folder is not None else default_folder()
     found = run_benchmark(folder, Path(test or folder), simulated=shipped_sample(), progress=progress)
     if out is not None:

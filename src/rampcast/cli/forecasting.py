@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected"
 )
 def train(
+    context: typer.Context,
     recordings: Files,
     out: OutFolder,
     paper: Annotated[
@@ -58,10 +59,7 @@ def train(
     from rampcast.models.folder import check_replaceable
     from rampcast.paper.framework import fit_paper
 
-    if mode is not None:
-        raise RampcastError(
-            f"--mode {mode}: a model is rampcast's own now, or with `--paper {mode}` the paper's framework in that mode"
-        )
+    refuse_without_effect(context, paper=paper, mode=mode)
     check_replaceable(out)
     with terminal.progress() as tell:
         recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
@@ -72,6 +70,22 @@ def train(
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
+
+
+def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: str | None) -> None:
+    """Raises an error if `train` was given an option that would do nothing.
+
+    Raises:
+        RampcastError: names it.
+    """
+    if mode is not None:
+        raise RampcastError(
+            f"--mode {mode}: a model is rampcast's own now, or with `--paper {mode}` the paper's framework in that mode"
+        )
+    sources = {name: context.get_parameter_source(name) for name in ("epochs", "batch", "stride")}
+    given = [f"--{name}" for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if given and paper is None:
+        raise RampcastError(f"{', '.join(given)}: only for the paper's LSTMs; leave it out, or add `--paper corrected`")
 
 
 @app.command(

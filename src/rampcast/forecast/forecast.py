@@ -35,6 +35,9 @@ class Forecast:
     def __len__(self) -> int:
         return len(self.t0)
 
+    def __repr__(self) -> str:
+        return f"<Forecast of {', '.join(sorted(set(self.recording.tolist())))}: {len(self):,} vehicles at a moment>"
+
     def _repr_html_(self) -> str:
         rows = {
             "windows": ", ".join(sorted(set(self.recording.tolist()))),
