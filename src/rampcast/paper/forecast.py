@@ -10,11 +10,10 @@ from jaxtyping import Float, Int
 from rampcast.forecast.tables import lane_change_table, position_table
 from rampcast.paper.calibration.calibration import Calibration
 from rampcast.paper.inputs import Inputs
+from rampcast.paper.lane_change.forests import FORESTS
 from rampcast.paper.neighbours.predict import NeighbourForecast
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.traffic.anchors import X
-
-FORESTS = "forests"  # in the column "model" of lane-change tables
 
 
 @dataclass(frozen=True)

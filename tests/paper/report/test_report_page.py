@@ -9,9 +9,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from rampcast.errors import RampcastError
 from rampcast.paper.report import report
-from rampcast.paper.report.report import read_tables, write_report
+from rampcast.paper.report.report import write_report
 from rampcast.sites import Site, load_site
 from tests.plots import tidy_tables
 
@@ -167,21 +166,6 @@ def test_missing_tables_modes_and_numbers_are_named_and_the_rest_is_drawn(tmp_pa
     assert "not recorded" in page
     assert "SIMULATED" not in page
     assert (tmp_path / "figures" / "figure-7a-corrected.svg").is_file()
-
-
-def test_the_tables_can_be_a_folder_of_parquet_or_csv(tmp_path: Path) -> None:
-    tables = tidy_tables.tables()
-    tables["outcomes"].write_csv(tmp_path / "outcomes.csv")
-    tables["parameters"].write_parquet(tmp_path / "parameters.parquet")
-    assert {name: table.height for name, table in read_tables(tmp_path).items()} == {
-        "parameters": tables["parameters"].height,
-        "outcomes": tables["outcomes"].height,
-    }
-
-
-def test_a_folder_without_tables_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(RampcastError, match=r"expected tidy tables such as longitudinal\.parquet"):
-        read_tables(tmp_path)
 
 
 def test_the_same_tables_give_the_same_page(tmp_path: Path) -> None:

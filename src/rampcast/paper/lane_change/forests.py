@@ -22,6 +22,7 @@ from rampcast.paper.laws.mode import Mode
 
 Progress = Callable[[int, int], None]  # classifiers trained, classifiers in all
 
+FORESTS: Final = "forests"  # in the column "model" of lane-change tables
 COUNTS: Final = ("n", "positives", "censored", "changed_already")
 
 

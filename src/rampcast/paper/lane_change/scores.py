@@ -12,11 +12,10 @@ from jaxtyping import Bool, Float
 
 from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 from rampcast.forecast.tables import TIMES
-from rampcast.paper.lane_change.forests import LaneChangeForests, predict
+from rampcast.paper.lane_change.forests import FORESTS, LaneChangeForests, predict
 from rampcast.paper.lane_change.sets import KINDS, Anchors, SampleSet, Sampling, sample_set
 from rampcast.paper.laws.mode import Mode
 
-FORESTS: Final = "forests"
 # A model says "lane change" above this probability: scikit-learn's rule, which gives a tie to "no lane change".
 THRESHOLD: Final = 0.5
 

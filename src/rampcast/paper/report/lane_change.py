@@ -9,6 +9,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from rampcast.paper.report.longitudinal import line
 from rampcast.plots import style
 from rampcast.plots.style import Look
 
@@ -49,7 +50,7 @@ def lane_change_metrics(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     ax = _start(table, ["mode", "model", "reading", "sampling", "kind"], ["t"], ax, name="lane_change")
     for column, (text, look) in METRICS.items():
         if column in table.columns:
-            _line(ax, table, column, look, text)
+            line(ax, table, column, look, text, over="t", scale=100.0)
     style.percent_axis(ax, "classification metric [%]")
     if 0.0 < ax.dataLim.y0 <= 100.0:
         ax.set_ylim(max(10.0 * np.floor(ax.dataLim.y0 / 10.0 - 0.5), 0.0) - 1.0, 101.0)
@@ -79,7 +80,7 @@ def base_rate(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     for sampling, kind, look in shown:
         rows = rates.filter((pl.col("sampling") == sampling) & (pl.col("kind") == kind))
         if rows.height:
-            _line(ax, rows, "rate", look, f"{sampling} samples, {kind} t")
+            line(ax, rows, "rate", look, f"{sampling} samples, {kind} t", over="t", scale=100.0)
     style.seconds_axis(ax, "t [s]", first=0.0)
     style.percent_axis(ax, "samples that change lane [%]")
     style.legend_below(ax, columns=2)
@@ -99,7 +100,7 @@ def feature_importance(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     for group, (text, look) in known.items():
         rows = table.filter(pl.col("group") == group)
         if rows.height:
-            _line(ax, rows, "importance", look, text)
+            line(ax, rows, "importance", look, text, over="t", scale=100.0)
     ax.set_ylabel("share of the importance [%]")
     style.from_zero(ax)
     style.legend_below(ax, columns=2)
@@ -112,17 +113,3 @@ def _start(table: pl.DataFrame, once: list[str], more: list[str], ax: Axes | Non
     ax = ax or style.new_axes()
     style.seconds_axis(ax, TIMES.get(str(values.get("kind")), "t [s]"), first=0.0)
     return ax
-
-
-def _line(ax: Axes, rows: pl.DataFrame, column: str, look: Look, text: str) -> None:
-    ordered = rows.sort("t").select(pl.col("t", column).cast(pl.Float64).fill_null(float("nan")))
-    if ordered[column].is_nan().all():
-        return
-    ax.plot(
-        ordered["t"].to_numpy(),
-        100.0 * ordered[column].to_numpy(),
-        color=look.color,
-        marker=look.marker,
-        linestyle=look.dash,
-        label=text,
-    )

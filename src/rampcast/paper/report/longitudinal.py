@@ -47,7 +47,7 @@ def neighbour_error(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     ax = _start(table, ["group", "mean_error"], ax)
     for group in _groups(table):
         rows = table.filter(pl.col("group") == group)
-        _line(ax, rows, "mean_error", GROUP_LOOKS[group], GROUP_LABELS[group])
+        line(ax, rows, "mean_error", GROUP_LOOKS[group], GROUP_LABELS[group])
     _metres(ax)
     style.legend_below(ax, columns=2)
     return ax
@@ -107,7 +107,7 @@ def scenes_per_horizon(table: pl.DataFrame, *, ax: Axes | None = None) -> Axes:
     for group, look in GROUP_LOOKS.items():
         rows = counts.filter(pl.col("group") == group)
         if rows.height:
-            _line(ax, rows, "n", look, GROUP_LABELS[group])
+            line(ax, rows, "n", look, GROUP_LABELS[group])
     ax.set_ylabel("forecasts scored [count]")
     style.from_zero(ax)
     ax.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
@@ -132,7 +132,7 @@ def _groups(table: pl.DataFrame) -> list[str]:
 def _by_model(table: pl.DataFrame, column: str, ax: Axes | None, *, scale: float = 1.0) -> Axes:
     ax = _start(table, ["model", column], ax)
     for model, look in style.looks(table["model"].unique().to_list()).items():
-        _line(ax, table.filter(pl.col("model") == model), column, look, style.label(model), scale=scale)
+        line(ax, table.filter(pl.col("model") == model), column, look, style.label(model), scale=scale)
     return ax
 
 
@@ -150,16 +150,21 @@ def _tolerances(ax: Axes, rows: pl.DataFrame, look: Look, text: str) -> None:
         )
 
 
-def _line(ax: Axes, rows: pl.DataFrame, column: str, look: Look, text: str, *, scale: float = 1.0) -> None:
-    horizon, values = _values(rows, column)
+def line(
+    ax: Axes, rows: pl.DataFrame, column: str, look: Look, text: str, *, over: str = "horizon", scale: float = 1.0
+) -> None:
+    """Draws a column over time, with its name for the legend; nothing where nothing is known."""
+    time, values = _values(rows, column, over)
     if np.isnan(values).all():
         return
-    ax.plot(horizon, scale * values, color=look.color, marker=look.marker, linestyle=look.dash, label=text)
+    ax.plot(time, scale * values, color=look.color, marker=look.marker, linestyle=look.dash, label=text)
 
 
-def _values(rows: pl.DataFrame, column: str) -> tuple[Float[np.ndarray, "horizon"], Float[np.ndarray, "horizon"]]:
-    ordered = rows.sort("horizon").select(pl.col("horizon", column).cast(pl.Float64).fill_null(float("nan")))
-    return ordered["horizon"].to_numpy(), ordered[column].to_numpy()
+def _values(
+    rows: pl.DataFrame, column: str, over: str = "horizon"
+) -> tuple[Float[np.ndarray, "time"], Float[np.ndarray, "time"]]:
+    ordered = rows.sort(over).select(pl.col(over, column).cast(pl.Float64).fill_null(float("nan")))
+    return ordered[over].to_numpy(), ordered[column].to_numpy()
 
 
 def _metres(ax: Axes) -> None:

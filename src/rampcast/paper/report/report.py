@@ -14,7 +14,6 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rampcast.errors import RampcastError
 from rampcast.files import write_whole
 from rampcast.paper.report import figures
 from rampcast.paper.report.claims import claims_table
@@ -45,7 +44,7 @@ NOT_RECORDED = "not recorded"
 
 
 def write_report(
-    tables: Mapping[str, pl.DataFrame] | Path,
+    tables: Mapping[str, pl.DataFrame],
     *,
     site: Site,
     run: Mapping[str, Any],
@@ -57,8 +56,7 @@ def write_report(
     Other files in the folder stay as they are; each file is written whole or not at all, the page last.
 
     Args:
-        tables: the tidy tables by name, or the folder that holds them as parquet or csv. Those that are missing are
-            named on the page.
+        tables: the tidy tables by name. Those that are missing are named on the page.
         site: the geometry.
         run: the run record; shown are date, seed, data_hash, versions, trained_on, tested_on, counts and all the rest.
         out: the folder.
@@ -68,8 +66,7 @@ def write_report(
     Raises:
         RampcastError: a table lacks a column that is drawn.
     """
-    known = read_tables(tables) if isinstance(tables, Path) else {k: v for k, v in tables.items() if k in TABLE_NAMES}
-    known = {name: table for name, table in known.items() if table.height}
+    known = {name: table for name, table in tables.items() if name in TABLE_NAMES and table.height}
     drawn = {entry.number: (entry, list(_write_figure(entry, Path(out)))) for entry in _entries(known, site)}
     listed = {table.number: table for table in _all_tables(known, paper or {})}
     for table in listed.values():
@@ -81,23 +78,6 @@ def write_report(
     with write_whole(page) as partial:
         partial.write_text(text, encoding="utf-8")
     return page
-
-
-def read_tables(folder: Path) -> dict[str, pl.DataFrame]:
-    """Returns the tidy tables found in a folder, by name; parquet is preferred to csv.
-
-    Raises:
-        RampcastError: there is none.
-    """
-    tables = {}
-    for name in TABLE_NAMES:
-        if (folder / f"{name}.parquet").is_file():
-            tables[name] = pl.read_parquet(folder / f"{name}.parquet")
-        elif (folder / f"{name}.csv").is_file():
-            tables[name] = pl.read_csv(folder / f"{name}.csv")
-    if not tables:
-        raise RampcastError(f"{folder}: expected tidy tables such as longitudinal.parquet, found none of {TABLE_NAMES}")
-    return tables
 
 
 def _entries(tables: Mapping[str, pl.DataFrame], site: Site) -> Iterator[FigureEntry]:
