@@ -145,6 +145,11 @@ def test_the_methods_page_lists_the_errata_of_the_report():
     assert numbers == [erratum.number for erratum in ERRATA]
 
 
+def test_the_menu_has_every_decision():
+    menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert [page.name for page in (DOCS / "decisions").glob("*.md") if f"decisions/{page.name}" not in menu] == []
+
+
 def test_the_pages_load_nothing_from_elsewhere():
     settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert "font: false" in settings

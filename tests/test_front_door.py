@@ -40,6 +40,7 @@ WRONG = {  # calls, and what the answer says
     "paper.fit_paper('i80.csv', mode='corrected')": NO_RECORDING,
     "paper.fit_paper(recording, mode='correct')": "mode: expected one of 'paper', 'corrected', got 'correct'",
     "rc.load('no_folder')": "no_folder",
+    "rc.load(3)": "folder: expected a Path, got 3; give the path of a model folder",
     "rc.plot('i80.csv')": "expected a Recording, a Site or a Forecast, got a str",
     "rc.simulate(3)": "site: expected a Site, got 3",
     "rc.simulate('i81')": "there is no site 'i81'; is 'i80' meant",

@@ -3,6 +3,7 @@
 from importlib import import_module
 from pathlib import Path
 
+from rampcast.arguments import expected
 from rampcast.errors import ModelError
 from rampcast.forecast.protocol import RecordingForecaster
 from rampcast.forecasters import FOLDERS
@@ -22,7 +23,7 @@ def save(forecaster: RecordingForecaster, folder: str | Path) -> None:
     """
     for kind in FOLDERS:
         if (tags := _tags(kind))[kind] is type(forecaster):
-            return save_model(forecaster, Path(folder), tags)
+            return save_model(forecaster, _path(folder), tags)
     raise ModelError(f"expected a forecaster, as `fit` returns, got a {type(forecaster).__name__}")
 
 
@@ -32,11 +33,17 @@ def load(folder: str | Path) -> RecordingForecaster:
     Raises:
         ModelError: the folder is missing, damaged, or of a form that this release does not read.
     """
-    kind = kind_of(Path(folder))
+    folder = _path(folder)
+    kind = kind_of(folder)
     if kind not in FOLDERS:
         raise ModelError(f"{folder}: a folder of the kind '{kind}'; expected a forecaster: {', '.join(FOLDERS)}")
-    loaded: RecordingForecaster = load_model(Path(folder), _tags(kind), kind=kind)
+    loaded: RecordingForecaster = load_model(folder, _tags(kind), kind=kind)
     return loaded
+
+
+def _path(folder: str | Path) -> Path:
+    path = Path(folder) if isinstance(folder, str) else folder
+    return expected(Path, path, name="folder", advice="give the path of a model folder, as 'model'")
 
 
 def _tags(kind: str) -> Tags:
