@@ -89,7 +89,7 @@ def benchmark_pictures(tables: Tables) -> dict[str, Figure]:
 
 def save_pictures(pictures: Mapping[str, Figure], folder: Path, *, kinds: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Writes pictures to a folder, each whole, and returns the files. All are drawn before the first is written."""
-    writers = {"png": _png, "svg": _svg}
+    writers = {"png": _png, "svg": style.svg_of}
     with mpl.rc_context(style.RC):
         drawn = {
             Path(folder) / f"{name}.{kind}": writers[kind](figure)
@@ -109,12 +109,6 @@ def _png(figure: Figure) -> bytes:
     with Image.open(buffer) as picture:
         picture.convert("RGB").quantize(method=Image.Quantize.MAXCOVERAGE).save(small, "PNG", optimize=True)
     return small.getvalue()
-
-
-def _svg(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
-    return buffer.getvalue()
 
 
 def _errors(scores: pl.DataFrame) -> Figure:

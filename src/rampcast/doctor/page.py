@@ -1,7 +1,6 @@
 """The doctor's page: one file that needs nothing else, and beside it the findings as json and as tables."""
 
 import base64
-import io
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 import polars as pl
 from matplotlib.figure import Figure
 
@@ -156,9 +154,6 @@ def _lateral(diagnosis: RoadDiagnosis) -> Picture | None:
 
 
 def _picture(figure: Figure, caption: str) -> Picture:
-    buffer = io.BytesIO()
-    with mpl.rc_context(style.RC):
-        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     width, height = (round(96 * size) for size in figure.get_size_inches())
-    uri = f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    uri = f"data:image/svg+xml;base64,{base64.b64encode(style.svg_of(figure)).decode('ascii')}"
     return Picture(uri, width, height, caption)

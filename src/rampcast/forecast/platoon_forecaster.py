@@ -100,8 +100,7 @@ class PlatoonForecaster:
         return PlatoonForecast(**joined)
 
     def _predict(self, platoons: Platoons) -> PlatoonForecast:
-        weights = posteriors(self.roll_out.prior, platoons)
-        samples = _sampled(self, platoons, weights)
+        samples = _sampled(self, platoons)
         if self.correction is None:
             quantiles = np.moveaxis(np.quantile(samples.x, LEVELS, axis=1), 0, -1)
             return PlatoonForecast(samples.x, samples.leader_x, samples.x.mean(axis=1), quantiles)
@@ -137,17 +136,15 @@ def fit_platoon_forecaster(
     plain = PlatoonForecaster(spec, roll_out, None, seed)
     if spec.correction is None:
         return plain
-    weights = posteriors(roll_out.prior, platoons)
-    rolled = _rolled(plain, platoons, _sampled(plain, platoons, weights))
+    rolled = _rolled(plain, platoons, _sampled(plain, platoons))
     begin, end = t0 - (HISTORY - 1) * STEP, t0 + FUTURE * STEP
     folds = time_folds(group, begin, end, count=min(spec.folds, len(set(group.tolist()))))
     correction = fit_correction(rolled, truth[:, KNOTS], group=group, folds=folds, seed=seed, spec=spec.correction)
     return PlatoonForecaster(spec, roll_out, correction, seed)
 
 
-def _sampled(
-    model: PlatoonForecaster, platoons: Platoons, weights: Float[np.ndarray, "platoon follower driver"]
-) -> Samples:
+def _sampled(model: PlatoonForecaster, platoons: Platoons) -> Samples:
+    weights = posteriors(model.roll_out.prior, platoons)
     return sample_platoons(model.roll_out, platoons, samples=model.spec.samples, seed=model.seed, weights=weights)
 
 

@@ -1,7 +1,6 @@
 """The report: one page that needs nothing else, with its pictures and tables as files beside it."""
 
 import base64
-import io
 import re
 from collections.abc import Iterator, Mapping
 from importlib import resources
@@ -147,15 +146,11 @@ def _embedded(
 
 
 def _save(figure: Figure, folder: Path, stem: str) -> bytes:
-    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with mpl.rc_context(style.RC):
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata=nothing)
-        svg = _compact(buffer.getvalue().decode("utf-8")).encode("utf-8")
-        with write_whole(folder / f"{stem}.svg") as partial:
-            partial.write_bytes(svg)
-        with write_whole(folder / f"{stem}.png") as partial:
-            figure.savefig(partial, format="png", dpi=PNG_DPI)
+    svg = _compact(style.svg_of(figure).decode("utf-8")).encode("utf-8")
+    with write_whole(folder / f"{stem}.svg") as partial:
+        partial.write_bytes(svg)
+    with mpl.rc_context(style.RC), write_whole(folder / f"{stem}.png") as partial:
+        figure.savefig(partial, format="png", dpi=PNG_DPI)
     return svg
 
 
