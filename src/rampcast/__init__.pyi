@@ -13,5 +13,9 @@ from .recording import clean as clean
 from .simulate import shipped_sample as shipped_sample
 from .simulate import simulate as simulate
 from .sites import Site as Site
+from .traffic import Stream as Stream
+from .traffic import Traffic as Traffic
+from .traffic import moments as moments
+from .traffic import traffic as traffic
 
 __version__: str

@@ -158,20 +158,32 @@ def _lanes(
     """
     if not named.has_nulls():
         return named.to_numpy(), np.ones(len(y), bool)
-    ordered = sorted(lanes, key=lambda lane: lane.centre)
-    widest = np.array([0.5 + BESIDE if lane.role == "ramp" else 0.5 for lane in ordered])
-    numbers = np.array([lane.number for lane in ordered], np.int16)
     lane, is_here = np.empty(len(y), np.int16), np.empty(len(y), bool)
     for start in range(0, len(y), BLOCK):
         part = slice(start, start + BLOCK)
-        index, off = _nearest_lane(y[part], ordered)
-        lane[part] = np.where(off > widest[index], NO_LANE, numbers[index])
-        is_here[part] = off <= 0.5 + beside
+        lane[part], is_here[part] = lanes_at(y[part], lanes, beside=beside)
     if named.null_count() < len(named):
         is_named = named.is_not_null().to_numpy()
         lane[is_named] = named.drop_nulls().to_numpy()
         is_here |= is_named
     return lane, is_here
+
+
+def lanes_at(
+    y: Float[np.ndarray, "row"], lanes: Sequence[Lane], *, beside: float = 0.0
+) -> tuple[Int[np.ndarray, "row"], Bool[np.ndarray, "row"]]:
+    """Returns the lane at each lateral position, `NO_LANE` beside the road, and whether it is on the road.
+
+    Args:
+        y: lateral positions [m].
+        lanes: of the road.
+        beside: lane widths beside the outer lanes that still belong to the road.
+    """
+    ordered = sorted(lanes, key=lambda lane: lane.centre)
+    widest = np.array([0.5 + BESIDE if lane.role == "ramp" else 0.5 for lane in ordered])
+    numbers = np.array([lane.number for lane in ordered], np.int16)
+    index, off = _nearest_lane(y, ordered)
+    return np.where(off > widest[index], NO_LANE, numbers[index]), off <= 0.5 + beside
 
 
 def _nearest_lane(
