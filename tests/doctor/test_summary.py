@@ -200,9 +200,9 @@ def test_the_summary_counts_what_the_diagnosis_counts_in_real_traffic(name, data
     assert_same_counts(recording)
 
 
-def test_a_vehicle_that_only_crosses_a_ramp_lane_is_no_on_ramp_vehicle():
+def test_a_vehicle_that_comes_into_a_ramp_lane_later_is_an_on_ramp_vehicle():
     leaving = pl.concat([track(1, range(100), lane=6), track(1, range(100, 200), x=100.0, lane=7)])
-    assert only_window(recorded(leaving)).on_ramp_vehicles == 0
+    assert only_window(recorded(leaving)).on_ramp_vehicles == 1
 
 
 def test_what_is_no_recording_is_one_sentence(monkeypatch):

@@ -1,6 +1,9 @@
 """The neighbour search against a slow one that is obviously right."""
 
+from dataclasses import replace
+
 import numpy as np
+import polars as pl
 import pytest
 
 from rampcast.recording import clean
@@ -44,9 +47,14 @@ def test_fast_neighbours_equal_the_slow_ones_before_and_after_the_lane_change(se
     np.testing.assert_array_equal(find_neighbours(recording, rows), expected)
 
 
-def test_on_ramp_vehicles_are_those_that_begin_in_a_ramp_lane():
+def test_on_ramp_vehicles_are_those_with_a_row_in_a_ramp_lane():
     recording, _ = clean(random_traffic(3))
-    first = recording.tracks.group_by("vehicle", maintain_order=True).first()
-    expected = first.filter(first["lane"] == 7)["vehicle"].to_list()
+    rows = recording.tracks
+    crossing = rows["vehicle"].max()  # begins and ends in another lane
+    rows = rows.with_columns(
+        lane=pl.when((pl.col("vehicle") == crossing) & (pl.col("frame") % 50 == 0)).then(7).otherwise(pl.col("lane"))
+    )
+    recording = replace(recording, tracks=rows.cast({"lane": pl.Int16}))
+    expected = sorted(rows.filter(rows["lane"] == 7)["vehicle"].unique().to_list())
     assert on_ramp_vehicles(recording)["vehicle"].to_list() == expected
     assert len(expected) > 3

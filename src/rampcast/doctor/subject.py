@@ -98,9 +98,8 @@ class Subject:
     @cached_property
     def on_ramp(self) -> Bool[np.ndarray, "vehicle"]:
         """Returns which vehicles are on-ramp vehicles."""
-        first = replace(self.recording, tracks=self.tracks[self.starts])
-        known = on_ramp_vehicles(first).with_columns(on_ramp=pl.lit(True))
-        found = first.tracks.join(known, on=TRACK, how="left", maintain_order="left")
+        known = on_ramp_vehicles(replace(self.recording, tracks=self.tracks)).with_columns(on_ramp=pl.lit(True))
+        found = self.tracks[self.starts].join(known, on=TRACK, how="left", maintain_order="left")
         return found["on_ramp"].fill_null(False).to_numpy()
 
     @cached_property

@@ -38,7 +38,7 @@ COUNTS: Mapping[str, str] = {  # what is counted, as the command line calls it; 
     "clipped_before": "|a| > 3.41 m/s² before smoothing",
     "clipped_after": "|a| > 3.41 m/s² after smoothing",
     "overlaps": "overlaps with the leader [rows]",  # a front ahead of the leader's rear, in the same lane and frame
-    "on_ramp_vehicles": "on-ramp vehicles",  # their first row lies in a ramp lane
+    "on_ramp_vehicles": "on-ramp vehicles",  # a row of theirs lies in a ramp lane
     "on_ramp_seen_19s": "on-ramp vehicles seen for 19 s or more",
     "target_lane_vehicles": "target-lane vehicles beside the ramp lane",  # with a row there between gore and ramp end
 }

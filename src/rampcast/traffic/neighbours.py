@@ -19,9 +19,9 @@ NONE = -1  # in an array of row numbers: no such vehicle
 
 
 def on_ramp_vehicles(recording: Recording) -> pl.DataFrame:
-    """Returns (recording, vehicle) of every vehicle whose first row lies in a ramp lane."""
-    first = recording.tracks.group_by(c.RECORDING, c.VEHICLE, maintain_order=True).first()
-    return first.filter(pl.col(c.LANE).is_in(list(recording.site.ramp_lanes))).select(c.RECORDING, c.VEHICLE)
+    """Returns (recording, vehicle) of every vehicle with a row in a ramp lane."""
+    on_ramp = recording.tracks.filter(pl.col(c.LANE).is_in(list(recording.site.ramp_lanes)))
+    return on_ramp.select(c.RECORDING, c.VEHICLE).unique(maintain_order=True)
 
 
 def find_neighbours(recording: Recording, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "row neighbour"]:
