@@ -76,9 +76,9 @@ print(f"trained on {', '.join(forecaster.trained_on)} of the site '{forecaster.s
 # %% [markdown]
 # ## 5. Predict
 #
-# `predict` takes a recording and forecasts every vehicle on the ramp, here at every 15th second; no model sees what
-# comes after that moment `t0`. (The smoothing has looked 1 s ahead; the methods page, section 2, says how much that
-# helps.) The result holds a position at every 0.2 s with quantiles, the probability of a lane change *within* and *at*
+# `predict` takes a recording and forecasts every vehicle on the ramp, here at every 15th second, from the past alone:
+# the states come from the raw rows up to that moment `t0`, which the smoothed recording keeps. The result holds a
+# position at every 0.2 s with quantiles, the probability of a lane change *within* and *at*
 # each second, the gap that it merges into, and conflicts ([all columns](forecast_files.md)).
 
 # %%

@@ -11,10 +11,12 @@ from rampcast.forecast.forecaster import fit
 from rampcast.forecast.tables import FILES
 from rampcast.horizon import FUTURE, STEP
 from rampcast.paper.laws.mode import Mode
+from rampcast.recording import clean
 from rampcast.recording import columns as c
 from rampcast.sites import load_site
 from rampcast.traffic import find_anchors
-from rampcast.traffic.merge_scenes import build_merge_scenes
+from rampcast.traffic.around import merge_scenes_of_rows
+from rampcast.traffic.stream import Stream
 from tests.contract.conftest import SPEC
 from tests.made_up_traffic import random_traffic
 
@@ -97,6 +99,51 @@ def test_what_happens_after_an_anchor_changes_nothing(any_forecaster, recording,
         np.testing.assert_allclose(after.x[name], x, rtol=0, atol=1e-6, err_msg=name)
 
 
+def _raw_changed(recording, frame):
+    """Returns the recording smoothed anew after everything of the raw one behind a frame has become nonsense."""
+    raw = recording.raw
+    future = pl.col(c.FRAME) * raw.time_step > frame * STEP + 1e-9
+    wild = [
+        pl.when(future).then(other).otherwise(pl.col(name)).cast(raw.tracks.schema[name]).alias(name)
+        for name, other in ((c.X, 700.0 - 0.3 * pl.col(c.X)), (c.Y, pl.col(c.Y) + 1.5), (c.LANE, pl.lit(6)))
+    ]
+    return clean(replace(raw, tracks=raw.tracks.with_columns(wild)))[0]
+
+
+def _rows_of(recording, vehicles, frame):
+    here = recording.tracks.with_row_index("row").filter((pl.col(c.FRAME) == frame) & pl.col(c.VEHICLE).is_in(vehicles))
+    return here["row"].to_numpy().astype(np.int64)
+
+
+def test_changing_the_raw_future_end_to_end_changes_none_of_our_forecasts(ours, recording, rows):
+    frame = int(np.median(recording.tracks[c.FRAME].to_numpy()[rows]))
+    now = rows[recording.tracks[c.FRAME].to_numpy()[rows] == frame]
+    changed = _raw_changed(recording, frame)
+    same = _rows_of(changed, recording.tracks[c.VEHICLE].to_numpy()[now].tolist(), frame)
+    assert len(now) == len(same) > 1
+    assert not np.allclose(recording.tracks[c.V].to_numpy()[now], changed.tracks[c.V].to_numpy()[same], atol=0.1)
+    assert_same_scenes(ours.predict_at(changed, same).scene, ours.predict_at(recording, now).scene)
+
+
+def test_a_stream_of_frames_gives_our_forecast_of_the_recording(ours, recording, rows):
+    frame = int(np.median(recording.tracks[c.FRAME].to_numpy()[rows]))
+    t0, raw, stream = frame * STEP, recording.raw, Stream(recording.site)
+    late = raw.tracks.filter((pl.col(c.FRAME) * raw.time_step).is_between(t0 - 5.0, t0 + 1e-9))
+    for (number,), part in late.sort(c.FRAME, c.VEHICLE).group_by(c.FRAME, maintain_order=True):
+        names = (c.VEHICLE, c.X, c.Y, c.LANE, c.LENGTH, c.WIDTH, c.KIND)
+        traffic = stream.push(number * raw.time_step, {name: part[name].to_list() for name in names})
+    found = ours.predict(traffic)
+    asked = ours.predict_at(recording, _rows_of(recording, found.vehicle.tolist(), frame))
+    np.testing.assert_array_equal(found.vehicle, asked.vehicle)
+    np.testing.assert_allclose(found.x["rampcast"], asked.x["rampcast"], rtol=0, atol=1e-9)
+
+
+def test_nobody_on_the_ramp_is_an_empty_forecast(ours, recording):
+    found = ours.predict(Stream(recording.site).push(0.0, {"vehicle": [], "x": [], "y": []}))
+    assert len(found) == 0
+    assert {name: table.height for name, table in found.tables().items()} == dict.fromkeys(found.tables(), 0)
+
+
 def test_our_same_seed_gives_the_same_answer_and_another_seed_another(ours, training, recording, rows):
     forecast = ours.predict_at(recording, rows[:8])
     again, other = (fit(training, spec=replace(SPEC, seed=seed)).predict_at(recording, rows[:8]) for seed in (1, 2))
@@ -112,7 +159,7 @@ def test_our_scenes_one_by_one_give_what_the_batch_gives(ours, forecast, recordi
 
 def test_what_lies_under_a_false_mask_does_not_reach_our_models(recording, rows):
     rng = np.random.default_rng(1)
-    scenes = build_merge_scenes(recording, rows)
+    scenes = merge_scenes_of_rows(recording, rows)[0]
 
     def noisy(platoons):
         unseen = ~platoons.valid
@@ -131,7 +178,7 @@ def test_what_lies_under_a_false_mask_does_not_reach_our_models(recording, rows)
 
 def test_a_nearer_leader_does_change_our_forecast(ours, recording, rows):
     """The contracts above would hold for a model that looks at nothing."""
-    scenes = build_merge_scenes(recording, rows)
+    scenes = merge_scenes_of_rows(recording, rows)[0]
     nearer = scenes.own.x - np.where(np.arange(scenes.own.x.shape[1]) > 0, 4.0, 0.0)[:, None]
     moved = ours.scene.predict(replace(scenes, own=replace(scenes.own, x=nearer)))
     assert np.abs(moved.median - ours.scene.predict(scenes).median).max() > 0.1
@@ -139,7 +186,7 @@ def test_a_nearer_leader_does_change_our_forecast(ours, recording, rows):
 
 def test_shifting_all_positions_shifts_our_forecast(ours, recording, rows):
     shift = 37.0
-    scenes = build_merge_scenes(recording, rows)
+    scenes = merge_scenes_of_rows(recording, rows)[0]
     onward = replace(
         scenes,
         own=replace(scenes.own, x=scenes.own.x + shift),

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.recording import Recording, clean
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES, build_merge_scenes, without_target
 from rampcast.traffic.platoons import HISTORY, PLACES
@@ -53,12 +53,8 @@ def recording() -> Recording:
 
 
 def anchors(recording, *vehicles):
-    tracks, t0 = recording.tracks, AT * recording.time_step if not recording.is_smoothed else None
-    frame = AT if t0 is not None else AT // 2
-    found = [
-        tracks.with_row_index("row").filter((pl.col(c.VEHICLE) == one) & (pl.col(c.FRAME) == frame))["row"].item()
-        for one in vehicles
-    ]
+    rows = recording.tracks.with_row_index("row").filter(pl.col(c.FRAME) == AT)
+    found = [rows.filter(pl.col(c.VEHICLE) == one)["row"].item() for one in vehicles]
     return np.array(found, dtype=np.int64)
 
 
@@ -104,13 +100,6 @@ def test_nobody_behind_and_nobody_ahead_leave_their_places_empty(recording):
     )
     found = build_merge_scenes(some, anchors(some, 2))
     assert found.target.present[0, : BEHIND + 3].tolist() == [False, False, True, True, False]
-
-
-def test_a_smoothed_recording_gives_the_same_scene(recording, scenes):
-    smooth, _ = clean(recording)
-    found = build_merge_scenes(smooth, anchors(smooth, 2))
-    np.testing.assert_allclose(found.target.x[0, :5, -1], scenes.target.x[0, :5, -1], atol=1e-3)
-    np.testing.assert_allclose([found.to_end[0], found.offset[0]], [100.0, 1.1], atol=1e-3)
 
 
 def test_chosen_scenes_keep_all_that_belongs_to_them(scenes):

@@ -8,14 +8,14 @@ import pytest
 from scipy.signal import savgol_filter
 
 from rampcast.errors import RecordingError
-from rampcast.recording import Recording, clean
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.traffic.platoons import (
     HISTORY,
     PLACES,
     Tracks,
-    build_platoons,
     platoons_of_tracks,
+    tracks_of_recording,
     tracks_of_table,
     traffic_around,
 )
@@ -171,27 +171,11 @@ def test_the_leaders_of_a_recording_are_the_next_ahead_in_the_lane():
     x = {vehicle: noisy(vehicle, start=20.0 * vehicle) for vehicle in range(1, 13)}
     raw = recording(x, {vehicle: 6 + vehicle % 2 for vehicle in x})  # odd vehicles in lane 7
     anchors = np.flatnonzero((raw.tracks[c.VEHICLE] == 1).to_numpy() & (raw.tracks[c.FRAME] == 70).to_numpy())
-    platoons = build_platoons(raw, anchors)
+    platoons = platoons_of_tracks(tracks_of_recording(raw), anchors)
     assert platoons.depth.tolist() == [5]
     ahead = platoons.x[0, 1:6, -1]
     np.testing.assert_allclose(ahead, [x[vehicle][70] for vehicle in (3, 5, 7, 9, 11)], atol=0.5)
     assert set(platoons.kind[0, :6].tolist()) == {c.KINDS.index("truck")}
-
-
-def test_a_smoothed_recording_gives_its_own_states_and_a_raw_one_those_without_the_future():
-    x = {1: noisy(1), 2: noisy(2, start=30.0)}
-    raw = recording(x, {1: 7, 2: 7})
-    smoothed, _ = clean(raw)
-    of_smoothed = build_platoons(
-        smoothed, smoothed.tracks.with_row_index().filter(vehicle=1, frame=35)["index"].to_numpy().astype(np.int64)
-    )
-    of_raw = build_platoons(
-        raw, raw.tracks.with_row_index().filter(vehicle=1, frame=70)["index"].to_numpy().astype(np.int64)
-    )
-    own = smoothed.tracks.filter(vehicle=2).filter(pl.col(c.FRAME).is_between(15, 35))
-    np.testing.assert_array_equal(of_smoothed.v[0, 1], own[c.V].to_numpy())
-    assert np.abs(of_raw.v[0, 1, -1] - of_smoothed.v[0, 1, -1]) > 1e-3
-    np.testing.assert_allclose(of_raw.x[0, :2], of_smoothed.x[0, :2], atol=0.3)
 
 
 def test_the_traffic_around_is_the_mean_speed_of_each_stretch_now_and_3_s_before():

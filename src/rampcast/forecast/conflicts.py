@@ -62,6 +62,8 @@ def conflicts(
         merge_step: step in which it merges; the number of steps where it does not.
     """
     rows = (x, leader_rear, follower_front, length, merge_step)
+    if not len(x):
+        return Conflicts(np.zeros((0, x.shape[2])), np.zeros((0, x.shape[2])), np.zeros(0))
     return Conflicts(*over_blocks(_shares, rows, sizes=BLOCKS))
 
 

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 import polars as pl
-from jaxtyping import Float, Int
+from jaxtyping import Float, Shaped
 
 from rampcast.forecast.conflicts import Conflicts, conflicts
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecast
@@ -27,7 +27,7 @@ class Forecast:
     """
 
     recording: np.ndarray
-    vehicle: Int[np.ndarray, "scene"]
+    vehicle: Shaped[np.ndarray, "scene"]
     t0: Float[np.ndarray, "scene"]
     start: Float[np.ndarray, "scene"]
     scene: SceneForecast

@@ -8,7 +8,7 @@ from jaxtyping import Int
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSpec
 from rampcast.forecast.protocol import Progress, check_same_site, tell_nobody
-from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
+from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster, nothing
 from rampcast.horizon import STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -16,7 +16,8 @@ from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
 from rampcast.threads import choosing_threads
 from rampcast.traffic import find_anchors
-from rampcast.traffic.merge_scenes import build_merge_scenes
+from rampcast.traffic.around import merge_scenes_at, merge_scenes_of_rows, ramp_vehicles
+from rampcast.traffic.moments import Traffic
 from rampcast.traffic.outcomes import outcomes
 
 
@@ -55,12 +56,16 @@ class Forecaster:
     data_hash: str
     window_hashes: tuple[str, ...]
 
-    def predict(self, recording: Recording, *, every: float = 1.0, threads: int | None = None) -> Forecast:
-        """Returns the forecast of every on-ramp vehicle, at every anchor time at which its last 4 s lie on the ramp.
+    def predict(self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None) -> Forecast:
+        """Returns the forecast of every on-ramp vehicle, from the past alone.
+
+        Of a recording, at every anchor time at which its last 4 s lie on the ramp. Of traffic, as a stream gives it, at
+        its one moment, of vehicles seen for 0.4 s; with nobody there the forecast has no scene, which is no error.
 
         Args:
-            recording: smoothed (see `clean`); of what comes after an anchor nothing is used but by its smoothing.
-            every: time between anchors [s], a multiple of 0.2.
+            what: a recording smoothed by `clean`, which keeps the raw rows that the states come from; or the traffic of
+                a moment.
+            every: of a recording, time between anchors [s], a multiple of 0.2.
             threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
         Raises:
@@ -68,18 +73,33 @@ class Forecaster:
             ModelError: it is of another site.
         """
         with choosing_threads(threads):
-            return self.predict_at(recording, find_anchors(recording, every=every))
+            if isinstance(what, Traffic):
+                return self._of_traffic(what)
+            return self.predict_at(what, find_anchors(what, every=every))
+
+    def _of_traffic(self, traffic: Traffic) -> Forecast:
+        check_same_site(self.site, traffic.site)
+        vehicles = ramp_vehicles(traffic)
+        scenes = merge_scenes_at(traffic, vehicles) if len(vehicles) else None
+        return Forecast(
+            recording=np.full(len(vehicles), traffic.site.name),
+            vehicle=traffic.vehicle[vehicles],
+            t0=np.full(len(vehicles), traffic.t0),
+            start=traffic.x[vehicles, -1],
+            scene=nothing() if scenes is None else self.scene.predict(scenes.only_seen()),
+        )
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecast:
         """Returns the forecast of the vehicles at those rows of a recording, which `find_anchors` gave."""
         check_same_site(self.site, recording.site)
-        anchors = recording.tracks.select(c.RECORDING, c.VEHICLE, c.FRAME, c.X)[rows]
+        anchors = recording.tracks.select(c.RECORDING, c.VEHICLE, c.FRAME)[rows]
+        scenes, start = merge_scenes_of_rows(recording, rows)
         return Forecast(
             recording=anchors[c.RECORDING].to_numpy(),
             vehicle=anchors[c.VEHICLE].to_numpy().astype(np.int64),
             t0=anchors[c.FRAME].to_numpy() * STEP,
-            start=anchors[c.X].to_numpy(),
-            scene=self.scene.predict(build_merge_scenes(recording, rows).only_seen()),
+            start=start,
+            scene=self.scene.predict(scenes.only_seen()),
         )
 
 
@@ -122,10 +142,12 @@ def fit(
 def _fit_scene(recording: Recording, spec: ForecasterSpec) -> SceneForecaster:
     anchors = find_anchors(recording, every=spec.spacing)
     became = outcomes(recording, anchors)
+    scenes, start = merge_scenes_of_rows(recording, anchors)
+    off = (recording.tracks[c.X].to_numpy()[anchors] - start)[:, None]  # the truth counts from where the forecast does
     return fit_scene_forecaster(
-        build_merge_scenes(recording, anchors),
-        became.displacement,
-        became.leader_displacement,
+        scenes,
+        became.displacement + off,
+        became.leader_displacement + off,
         change_time=became.change_time,
         seen_for=became.seen_for,
         group=became.group,

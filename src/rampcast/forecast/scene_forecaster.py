@@ -121,6 +121,23 @@ class SceneForecast:
         return found
 
 
+def nothing() -> SceneForecast:
+    """Returns the forecast of no scene."""
+    steps, whole = np.zeros((0, FUTURE)), np.zeros((0, 1), dtype=np.int64)
+    samples = np.zeros((0, 1, FUTURE))
+    return SceneForecast(
+        samples=samples,
+        leader_rear=samples,
+        follower_front=samples,
+        length=np.zeros(0),
+        merge_step=whole,
+        gap=whole,
+        chance=steps,
+        mean=steps,
+        quantiles=np.zeros((0, FUTURE, len(LEVELS))),
+    )
+
+
 @dataclass(frozen=True)
 class MergeForecaster:
     """A fitted forecaster of vehicles that have a lane to merge into.

@@ -188,16 +188,17 @@ def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: Bad
     path = out / "recording.parquet"
 
     def make() -> Recording:
-        tell("read and smooth the recordings", 0, 1)
         recording, report = read_any(files, site=site, bad_rows=bad_rows)
-        smoothed, cleaning = clean(recording)
         with write_whole(out / "reading.json") as partial:
-            partial.write_text(json.dumps({"read": report.to_dict(), "cleaned": asdict(cleaning)}, indent=2))
-        return smoothed
+            partial.write_text(json.dumps({"read": report.to_dict()}, indent=2))
+        return recording
 
-    recording = _kept(out, "recording", inputs, path, make, write_recording, read_recording)
+    tell("read and smooth the recordings", 0, 1)
+    smoothed, cleaning = clean(_kept(out, "recording", inputs, path, make, write_recording, read_recording))
+    with write_whole(out / "cleaning.json") as partial:
+        partial.write_text(json.dumps(asdict(cleaning), indent=2))
     tell("read and smooth the recordings", 1, 1)
-    return recording
+    return smoothed
 
 
 def _side_by_side(results: Sequence[Evaluation], test: Recording) -> tuple[dict[str, pl.DataFrame], dict[str, int]]:

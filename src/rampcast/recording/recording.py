@@ -35,6 +35,8 @@ class Recording:
         time_step: time between two frames [s]; the time of a row is frame * time_step.
         source: where it came from, e.g. "ngsim" or "simulated".
         report: what reading found, of a recording that `rc.read` returned; None of any other.
+        raw: of a smoothed recording the one that it was made from, without which nothing can be forecast from the past
+            alone; None of any other, and of one that was written to a file in between.
     """
 
     tracks: pl.DataFrame
@@ -42,6 +44,7 @@ class Recording:
     time_step: float
     source: str
     report: ReadReport | None = field(default=None, compare=False, repr=False)
+    raw: "Recording | None" = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         missing = [name for name in c.SCHEMA if name not in self.tracks.columns]
@@ -62,7 +65,8 @@ class Recording:
         """Returns the part of the recording that belongs to one window."""
         if name not in self.names:
             raise RecordingError(f"there is no window '{name}' in this recording; it has {', '.join(self.names)}")
-        return replace(self, tracks=self.tracks.filter(pl.col(c.RECORDING) == name))
+        raw = None if self.raw is None else self.raw.window(name)
+        return replace(self, tracks=self.tracks.filter(pl.col(c.RECORDING) == name), raw=raw)
 
     def _repr_html_(self) -> str:
         rows = {
@@ -96,7 +100,9 @@ def concatenate(recordings: Sequence[Recording]) -> Recording:
         raise RecordingError(f"the windows {twice} are given twice; give each recording once")
     tracks = pl.concat([recording.tracks for recording in recordings], how="diagonal").sort(KEY)
     sources = sorted({recording.source for recording in recordings})
-    return replace(first, tracks=tracks, source="+".join(sources), report=None)
+    raws = [recording.raw for recording in recordings if recording.raw is not None]
+    raw = concatenate(raws) if len(raws) == len(recordings) else None
+    return replace(first, tracks=tracks, source="+".join(sources), report=None, raw=raw)
 
 
 def write_recording(recording: Recording, path: Path) -> None:

@@ -96,7 +96,7 @@ def clean(recording: Recording) -> tuple[Recording, CleaningReport]:
         impossible_after=_share_impossible(derived[c.A]),
     )
     tracks = sampled.select(c.SMOOTHED_SCHEMA.keys()).cast(pl.Schema(c.SMOOTHED_SCHEMA))
-    return replace(recording, tracks=tracks, time_step=STEP), report
+    return replace(recording, tracks=tracks, time_step=STEP, raw=recording), report
 
 
 def smooth_tracks(

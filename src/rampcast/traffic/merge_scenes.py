@@ -17,11 +17,10 @@ from rampcast.traffic.platoons import (
     HISTORY,
     Platoons,
     Tracks,
-    build_platoons,
     chain_ahead,
     check_time_step,
     no_traffic,
-    smoothed_states_at_places,
+    platoons_of_tracks,
     states_at_places,
     tracks_of_recording,
     with_states,
@@ -114,37 +113,31 @@ def target_of_tracks(
 
 
 def build_merge_scenes(recording: Recording, anchors: Int[np.ndarray, "scene"]) -> MergeScenes:
-    """Returns the merge scene of each of those rows of a recording; see `build_platoons` for how states are made.
+    """Returns the merge scene of each of those rows of a raw recording; see `platoons_of_tracks` for its states.
 
     Vehicles in a ramp lane of the site may merge into its target lane, all others have no lane to merge into.
 
     Args:
-        recording: raw, at a time step that divides 0.2 s, or smoothed.
+        recording: raw, at a time step that divides 0.2 s.
         anchors: the vehicle and the moment t = 0 of each scene, as a row of `recording.tracks`.
 
     Raises:
         RecordingError: the time step does not divide 0.2 s.
     """
     check_time_step(recording.time_step)
-    own = build_platoons(recording, anchors)
+    tracks = tracks_of_recording(recording)
+    own = platoons_of_tracks(tracks, anchors)
     site = recording.site
     on_ramp = np.isin(recording.tracks[c.LANE].to_numpy()[anchors], site.ramp_lanes)
     if not on_ramp.any():
         return without_target(own)
-    tracks = tracks_of_recording(recording)
     neighbours = np.where(on_ramp[:, None], find_neighbours(recording, anchors), NONE)
     behind, leader_1 = (neighbours[:, FOLLOWER_2], neighbours[:, FOLLOWER_1]), neighbours[:, LEADER_1]
-    if recording.is_smoothed:
-        places, there = _target_places(tracks, behind, leader_1)
-        states, valid = smoothed_states_at_places(recording, tracks, places, there)
-        target = with_states(tracks, places, states, valid, _nearest_first(valid[:, :, -1]))
-    else:
-        target = target_of_tracks(tracks, behind=behind, leader_1=leader_1)
     x, y, u = _lateral(recording, tracks, anchors)
     side = np.sign(site.lane_centre(site.target_lane) - site.lane_centre(site.ramp_lanes[0]))
     return MergeScenes(
         own=own,
-        target=target,
+        target=target_of_tracks(tracks, behind=behind, leader_1=leader_1),
         to_end=np.where(on_ramp, site.ramp_end - x, np.nan),
         offset=np.where(on_ramp, side * (site.lane_line_y(x) - y), np.nan),
         approach=np.where(on_ramp, side * u, np.nan),
@@ -173,7 +166,5 @@ def _lateral(
 ) -> tuple[Float[np.ndarray, "scene"], ...]:
     """Returns x [m], y [m] and the lateral speed u [m/s] at t = 0."""
     x, y = (recording.tracks[name].to_numpy() for name in (c.X, c.Y))
-    if recording.is_smoothed:
-        return x[anchors], y[anchors], recording.tracks[c.U].to_numpy()[anchors]
     (smooth, u, _), _ = states_at_places(replace(tracks, x=y), anchors[:, None], np.ones((len(anchors), 1), dtype=bool))
     return x[anchors], smooth[:, 0, -1], u[:, 0, -1]

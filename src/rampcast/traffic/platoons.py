@@ -228,43 +228,6 @@ def states_at_places(
     return [np.ascontiguousarray(values[..., :: tracks.every]) for values in states], known[..., :: tracks.every]
 
 
-def smoothed_states_at_places(
-    recording: Recording,
-    tracks: Tracks,
-    places: Int[np.ndarray, "platoon place"],
-    present: Bool[np.ndarray, "platoon place"],
-) -> tuple[States, Bool[np.ndarray, "platoon place past"]]:
-    """Returns the same as `states_at_places`, taken from the states of a smoothed recording."""
-    back = np.arange(1 - HISTORY, 1)
-    shape = (*places.shape, HISTORY)
-    found, seen = tracks.find(
-        np.broadcast_to(tracks.vehicle[places][..., None], shape), tracks.frame[places][..., None] + back
-    )
-    return [recording.tracks[name].to_numpy()[found] for name in (c.X, c.V, c.A)], seen & present[..., None]
-
-
-def build_platoons(recording: Recording, anchors: Int[np.ndarray, "platoon"]) -> Platoons:
-    """Returns the platoon of each of those rows of a recording: up to 8 vehicles ahead in the lane it is in at t = 0.
-
-    A recording that was smoothed as a whole gives its own states, and these look up to 1 s ahead of t = 0. From a raw
-    recording each history is cut off at t = 0 and smoothed by itself, which avoids that.
-
-    Args:
-        recording: raw, at a time step that divides 0.2 s, or smoothed.
-        anchors: the vehicle and the moment t = 0 of each platoon, as a row of `recording.tracks`.
-
-    Raises:
-        RecordingError: the time step does not divide 0.2 s.
-    """
-    tracks = tracks_of_recording(recording)
-    if not recording.is_smoothed:
-        return platoons_of_tracks(tracks, anchors)
-    places, present = chain_ahead(tracks, anchors)
-    states, valid = smoothed_states_at_places(recording, tracks, places, present)
-    own = with_states(tracks, places, states, valid, np.logical_and.accumulate(valid[:, :, -1], axis=1))
-    return replace(own, traffic=traffic_around(tracks, anchors))
-
-
 def check_time_step(time_step: float) -> None:
     every = round(STEP / time_step)
     if every < 1 or abs(every * time_step - STEP) > SAME_STEP:
