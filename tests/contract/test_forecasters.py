@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 
+import jaxtyping
 import numpy as np
 import polars as pl
 import pytest
@@ -78,6 +79,13 @@ def test_a_recording_that_is_not_smoothed_is_refused_with_advice(any_forecaster)
         RampcastError, match=r"smooth the recording first, `recording, changes = rc.clean\(recording\)`"
     ):
         any_forecaster.predict(random_traffic(1))
+
+
+def test_what_is_no_number_of_seconds_is_refused_in_a_sentence(any_forecaster, recording, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    with pytest.raises(RampcastError, match="every: expected the time between anchors as a number of seconds, got 'a'"):
+        any_forecaster.predict(recording, every="a")
+    assert len(repr(any_forecaster)) < 200
 
 
 def test_a_recording_of_another_site_is_refused(any_forecaster, recording):

@@ -36,7 +36,7 @@ class ForecasterSpec:
     seed: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Forecaster:
     """A fitted forecaster of one site.
 
@@ -55,6 +55,9 @@ class Forecaster:
     trained_on: tuple[str, ...]
     data_hash: str
     window_hashes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Forecaster of {self.site.name}, trained on {', '.join(self.trained_on)}>"
 
     def predict(self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None) -> Forecast:
         """Returns the forecast of every on-ramp vehicle, from the past alone.

@@ -54,7 +54,7 @@ class PaperSpec:
     seed: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PaperForecaster:
     """The paper's framework, fitted to one site.
 
@@ -78,6 +78,9 @@ class PaperForecaster:
     trained_on: tuple[str, ...]
     data_hash: str
     window_hashes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<PaperForecaster of {self.site.name} in {self.mode} mode, trained on {', '.join(self.trained_on)}>"
 
     def predict(
         self,

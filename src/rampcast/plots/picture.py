@@ -63,6 +63,8 @@ def _space_time(recording: Recording, lane: int | Sequence[int] | None, window: 
     site = recording.site
     if lane is None:
         lane = site.target_lane if site.has_ramp else [one.number for one in site.lanes]
+    for number in [lane] if isinstance(lane, int) else lane:
+        site.lane_centre(number)  # a lane that the site does not have is told with those that it has
     drawn = space_time(recording.window(window).tracks, lane=lane, time_step=recording.time_step)
     lanes = lane if isinstance(lane, int) else ", ".join(map(str, lane))
     drawn.set_title(f"{site.title}, {window}, lane {lanes}")

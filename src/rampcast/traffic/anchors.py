@@ -66,6 +66,8 @@ def find_anchors(recording: Recording, *, every: float = 1.0) -> Int[np.ndarray,
             "a forecast needs velocities: smooth the recording first, `recording, changes = rc.clean(recording)`"
         )
     need_ramp(recording)
+    if not isinstance(every, int | float):
+        raise RecordingError(f"every: expected the time between anchors as a number of seconds, got {every!r}")
     spacing = round(every / STEP)
     if spacing < 1 or abs(spacing * STEP - every) > 1e-6:
         raise RecordingError(f"expected anchors every multiple of {STEP} s, got every {every} s")
