@@ -25,7 +25,7 @@ def roll_chain(
 ) -> Float[np.ndarray, "platoon step"]:
     """Returns the displacement [m] of each central vehicle after each of 75 steps of 0.2 s.
 
-    Each vehicle follows the one ahead by the IDM, with the steps of `rampcast.paper.algorithm_1.follow`; the last that
+    Each vehicle follows the one ahead by the IDM, with the steps of the paper's algorithm 1; the last that
     counts keeps its speed, as a vehicle without a leader does.
 
     Args:
