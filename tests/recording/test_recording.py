@@ -9,7 +9,8 @@ import pytest
 
 from rampcast.errors import RecordingError, SiteError
 from rampcast.files import write_whole, write_whole_folder
-from rampcast.recording import concatenate, read_recording, write_recording
+from rampcast.recording import clean, concatenate, read_recording, write_recording
+from rampcast.recording import columns as c
 from rampcast.sites import load_site, site_names
 from rampcast.sites.site import SITE_FOLDER, site_from_dict, site_to_dict
 from tests.made_up_traffic import random_traffic
@@ -142,3 +143,11 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path):
         (partial / "b").write_text(str(1 / 0))
     assert [path.name for path in folder.iterdir()] == ["a"]
     assert os.listdir(tmp_path) == ["model"]
+
+
+def test_a_smoothed_window_keeps_its_raw_one_and_a_renamed_one_has_none():
+    smoothed, _ = clean(random_traffic(1, vehicles=4))
+    name = smoothed.names[0]
+    assert smoothed.window(name).raw.tracks.equals(smoothed.raw.tracks)
+    renamed = replace(smoothed, tracks=smoothed.tracks.with_columns(pl.lit("other").alias(c.RECORDING)))
+    assert renamed.window("other").raw is None

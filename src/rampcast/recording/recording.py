@@ -65,7 +65,7 @@ class Recording:
         """Returns the part of the recording that belongs to one window."""
         if name not in self.names:
             raise RecordingError(f"there is no window '{name}' in this recording; it has {', '.join(self.names)}")
-        raw = None if self.raw is None else self.raw.window(name)
+        raw = self.raw.window(name) if self.raw is not None and name in self.raw.names else None
         return replace(self, tracks=self.tracks.filter(pl.col(c.RECORDING) == name), raw=raw)
 
     def _repr_html_(self) -> str:
