@@ -28,10 +28,15 @@ REFERENCES = {f"{use.__name__} {name}": one for use in (positions, places, merge
 STANDING = "standing"
 
 
-@pytest.mark.parametrize("reference", [*REFERENCES.values(), *FOLDERS.values()], ids=[*REFERENCES, *FOLDERS])
+@pytest.mark.parametrize("reference", REFERENCES.values(), ids=REFERENCES)
 def test_every_line_leads_to_a_function(reference):
     module, _, name = reference.where.partition(":")
     assert callable(getattr(import_module(module), name))
+
+
+@pytest.mark.parametrize("module", FOLDERS.values(), ids=FOLDERS)
+def test_every_kind_of_model_folder_leads_to_its_tags(module):
+    assert len(import_module(module).TAGS) > 3
 
 
 def test_no_two_lines_share_their_name_their_label_or_their_look():

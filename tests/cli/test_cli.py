@@ -56,7 +56,7 @@ def files(tmp_path_factory):
 @pytest.fixture(scope="module")
 def model(files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("models") / "model"
-    rampcast("train", files[0], "--out", folder, "--epochs", 1, "--stride", 20, "--batch", 64)
+    rampcast("train", files[0], "--out", folder)
     return folder
 
 
