@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 
 from rampcast.benchmark import Cases, Forecasts, MergeForecasts, Training, case_table, merge_case_table
-from rampcast.benchmark.cases import joined, make_cases, names, regular_anchors, smoothed_runs
+from rampcast.benchmark.cases import make_cases, names, regular_anchors, smoothed_runs
 from rampcast.benchmark.merge_sets import simulated
 from rampcast.benchmark.merges import base_rate
 from rampcast.benchmark.models import LEVELS, constant_velocity
@@ -32,6 +32,7 @@ from rampcast.plots.forecast_pictures import arriving_wave, forecast_fan, merge_
 from rampcast.plots.style import figure_of
 from rampcast.recording import read_recording
 from rampcast.simulate import shipped_sample
+from rampcast.traffic.around import joined
 from rampcast.traffic.platoons import HISTORY, Tracks, chain_ahead, tracks_of_recording
 
 DOCS = Path(__file__).parents[1]

@@ -1,8 +1,6 @@
 """Cases of the benchmark: scenes at t = 0, and what became of them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -88,21 +86,6 @@ class Merges:
     since_entry: Float[np.ndarray, "case"]
     change_time: Float[np.ndarray, "case"]
     gap: Float[np.ndarray, "case"]
-
-
-def joined(parts: Sequence[Cases]) -> Cases:
-    """Returns the cases of parts of one data set together."""
-    whole: Cases = _joined(parts)
-    return whole
-
-
-def _joined(parts: Sequence[Any]) -> Any:
-    first: Any = parts[0]
-    if is_dataclass(first):
-        values = {field.name: _joined([getattr(part, field.name) for part in parts]) for field in fields(first)}
-        kind: Any = type(first)
-        return kind(**values)
-    return np.concatenate(parts) if isinstance(first, np.ndarray) else first
 
 
 def regular_anchors(tracks: Tracks, *, least_truth: float = WHOLE_TRUTH) -> Int[np.ndarray, "case"]:

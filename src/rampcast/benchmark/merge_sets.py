@@ -12,7 +12,6 @@ from rampcast.benchmark.cases import (
     LEAST_TRUTH,
     Cases,
     Merges,
-    joined,
     make_cases,
     names,
     regular_anchors,
@@ -20,6 +19,7 @@ from rampcast.benchmark.cases import (
 )
 from rampcast.benchmark.lane_changes import crossing_times, gap_entered
 from rampcast.recording import Recording, read_recording
+from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import (
     AHEAD,
     FOLLOWER_1,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from rampcast.benchmark.cases import Cases, joined
+from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.merge_tables import Thresholds, merge_case_table, merge_score_table, outcomes, thresholds
 from rampcast.benchmark.merges import MergeFit, MergeForecasts, MergePredict, joined_forecasts
@@ -24,6 +24,7 @@ from rampcast.files import write_whole
 from rampcast.forecast.protocol import Progress, tell_nobody
 from rampcast.forecasters import FORECASTERS, merges, places
 from rampcast.simulate.shipped import shipped_sample
+from rampcast.traffic.around import joined
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
 PACKAGES = ("rampcast", "jax", "numpy", "scipy", "polars")

@@ -1,8 +1,8 @@
 """Merge scenes of traffic: who is ahead of a vehicle in its lane, and around it in the lane that it may merge into."""
 
 from collections.abc import Sequence
-from dataclasses import fields
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,6 +17,7 @@ from rampcast.traffic.platoons import BANDS, CAR, MOMENTS, PLACES, Platoons
 
 LOST = 1.0  # [s]; a vehicle without a row for longer is nobody's neighbour: it has left, or is another one by now
 SECOND = round(1.0 / STEP)  # steps
+Part = TypeVar("Part")
 SHORTEST = 2  # steps: of a vehicle seen for less than 0.4 s the speed is hardly known
 
 
@@ -150,14 +151,11 @@ def merge_scenes_of_rows(
     return scenes, scenes.own.x[:, 0, -1]
 
 
-def joined(parts: Sequence[MergeScenes]) -> MergeScenes:
-    """Returns the scenes of all parts, one after the other."""
-
-    def together(values: Sequence[Any]) -> Any:
-        first = values[0]
-        if isinstance(first, np.ndarray):
-            return np.concatenate(values)
-        return type(first)(**{f.name: together([getattr(one, f.name) for one in values]) for f in fields(first)})
-
-    whole: MergeScenes = together(parts)
-    return whole
+def joined(parts: Sequence[Part]) -> Part:
+    """Returns dataclasses of arrays as one, rows of all parts one after the other; of what is no array the first."""
+    first: Any = parts[0]
+    if is_dataclass(first):
+        values = {one.name: joined([getattr(part, one.name) for part in parts]) for one in fields(first)}
+        kind: Any = type(first)
+        return kind(**values)
+    return np.concatenate(parts) if isinstance(first, np.ndarray) else first  # type: ignore[arg-type]
