@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from scipy.signal import savgol_filter
 
 from rampcast.errors import RecordingError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.traffic.moments import GRID, traffic
+from rampcast.traffic.past_filter import states_from_past
 from rampcast.traffic.platoons import (
     HISTORY,
     PLACES,
     Tracks,
+    lateral_now,
     platoons_of_tracks,
     tracks_of_recording,
     tracks_of_table,
@@ -73,15 +75,16 @@ def test_a_straight_drive_has_its_places_its_speed_and_no_acceleration():
     np.testing.assert_allclose(platoons.a[0, 0], 0.0, atol=1e-7)
 
 
-def test_a_history_is_what_scipy_makes_of_the_frames_until_then(three):
+def test_a_history_is_what_the_filter_makes_of_the_frames_until_then(three):
     at = 60
-    raw = three.x[three.vehicle == 2][at - 40 : at + 1]
-    x = savgol_filter(raw, 21, 3)
-    v = np.gradient(x, 0.1, edge_order=2)
+    seen = [three.vehicle == vehicle for vehicle in (1, 2, 3)]
+    raw = np.concatenate([three.x[mine][at - 40 : at + 1] for mine in seen])
+    states, _ = states_from_past(
+        np.tile(0.1 * np.arange(-40, 1), 3), raw, np.full(len(raw), np.nan), np.array([0, 41, 82, 123]), grid=GRID
+    )
     platoons = platoons_of_tracks(three, row_of(three, 1, at))
-    np.testing.assert_allclose(platoons.x[0, 1], x[::2], atol=1e-9)
-    np.testing.assert_allclose(platoons.v[0, 1], v[::2], atol=1e-9)
-    np.testing.assert_allclose(platoons.a[0, 1], np.gradient(v, 0.1, edge_order=2)[::2], atol=1e-8)
+    for name, order in (("x", 0), ("v", 2), ("a", 4)):
+        np.testing.assert_array_equal(getattr(platoons, name)[0, :3], states[:, order])
 
 
 def test_frames_after_the_anchor_change_nothing(three):
@@ -102,33 +105,36 @@ def test_a_platoon_does_not_depend_on_the_others(three):
         np.testing.assert_allclose(alone.a[0], together.a[k], atol=1e-7)
 
 
-def test_a_short_hole_is_filled_and_a_long_one_left_open():
+def test_a_short_hole_is_bridged_and_after_a_long_one_a_track_begins_anew():
     short, long = noisy(1), noisy(2, start=40.0)
     short[30:36] = np.nan  # 0.6 s
     long[25:40] = np.nan  # 1.5 s
     tracks = tracks_of_table(table_of({1: short, 2: long}, {1: 2}), time_step=0.1)
     platoons = platoons_of_tracks(tracks, row_of(tracks, 1, 60))
     assert platoons.valid[0, 0].all()
-    open_steps = np.flatnonzero(~platoons.valid[0, 1])  # frames 20, 22 ... 60: those of 26 to 38 are not known
-    np.testing.assert_array_equal(20 + 2 * open_steps, np.arange(26, 39, 2))
-    assert np.isnan(platoons.v[0, 1, open_steps]).all()
+    known = 20 + 2 * np.flatnonzero(platoons.valid[0, 1])  # frames
+    np.testing.assert_array_equal(known, np.arange(40, 61, 2))
+    assert np.isnan(platoons.v[0, 1, :10]).all()
 
 
-def test_half_a_second_of_history_is_enough_and_less_is_not_seen():
-    late, too_late = noisy(2, start=40.0), noisy(3, start=90.0)
-    late[:56] = np.nan  # 5 frames until 60
-    too_late[:57] = np.nan
-    tracks = tracks_of_table(table_of({1: noisy(1), 2: late, 3: too_late}, {1: 2, 2: 3}), time_step=0.1)
+def test_a_leader_that_is_seen_for_the_first_time_is_as_fast_as_the_others():
+    """Two at 10 and 12 m/s, so 11 m/s."""
+    time = 0.1 * np.arange(FRAMES)
+    late = 60.0 + 9.0 * time
+    late[:60] = np.nan
+    tracks = tracks_of_table(table_of({1: 10.0 * time, 2: late, 3: 200.0 + 12.0 * time}, {1: 2, 2: 3}), time_step=0.1)
     platoons = platoons_of_tracks(tracks, row_of(tracks, 1, 60))
-    assert platoons.depth.tolist() == [1]
-    assert np.isfinite(platoons.v[0, 1, -1])
+    assert platoons.depth.tolist() == [2]
+    assert platoons.valid[0, 1].sum() == 1
+    assert platoons.v[0, 1, -1] == pytest.approx(11.0)
 
 
-def test_a_vehicle_beyond_an_empty_place_is_not_in_the_platoon():
-    unseen = noisy(2, start=40.0)
-    unseen[:58] = np.nan
-    tracks = tracks_of_table(table_of({1: noisy(1), 2: unseen, 3: noisy(3, start=80.0)}, {1: 2, 2: 3}), time_step=0.1)
-    assert platoons_of_tracks(tracks, row_of(tracks, 1, 60)).depth.tolist() == [0]
+def test_lateral_places_and_speeds_are_those_of_the_past_alone(three):
+    y = 1.0 + 0.3 * 0.1 * three.frame + np.where(three.frame > 60, 7.0, 0.0)
+    place, speed = lateral_now(three, y, row_of(three, 2, 60))
+    np.testing.assert_allclose([place[0], speed[0]], [1.0 + 0.3 * 6.0, 0.3], atol=1e-3)
+    unknown, _ = lateral_now(three, np.full(len(y), np.nan), row_of(three, 2, 60))
+    assert np.isnan(unknown).all()
 
 
 def test_a_leader_that_is_not_ahead_or_has_no_row_counts_as_none():
@@ -141,8 +147,8 @@ def test_five_frames_a_second_do_as_well():
     tracks = tracks_of_table(table_of({1: 8.0 * time + 0.5 * time**2}, {}), time_step=0.2)
     platoons = platoons_of_tracks(tracks, row_of(tracks, 1, 30))
     assert platoons.valid[0, 0].all()
-    np.testing.assert_allclose(platoons.v[0, 0], 8.0 + time[10:31], atol=1e-8)
-    np.testing.assert_allclose(platoons.a[0, 0], 1.0, atol=1e-7)
+    np.testing.assert_allclose(platoons.v[0, 0, -1], 8.0 + time[30], atol=0.05)
+    np.testing.assert_allclose(platoons.a[0, 0, -1], 1.0, atol=0.3)  # the filter takes an acceleration to fade
 
 
 def test_a_time_step_that_does_not_divide_two_tenths_is_refused():
@@ -176,6 +182,16 @@ def test_the_leaders_of_a_recording_are_the_next_ahead_in_the_lane():
     ahead = platoons.x[0, 1:6, -1]
     np.testing.assert_allclose(ahead, [x[vehicle][70] for vehicle in (3, 5, 7, 9, 11)], atol=0.5)
     assert set(platoons.kind[0, :6].tolist()) == {c.KINDS.index("truck")}
+
+
+def test_states_are_those_of_the_traffic_of_that_moment():
+    x = {vehicle: noisy(vehicle, start=20.0 * vehicle) for vehicle in range(1, 9)}
+    raw = recording(x, dict.fromkeys(x, 6))
+    anchors = np.flatnonzero((raw.tracks[c.FRAME] == 70).to_numpy())
+    platoons, now = platoons_of_tracks(tracks_of_recording(raw), anchors), traffic(raw, at=7.0)
+    np.testing.assert_array_equal(now.vehicle, raw.tracks[c.VEHICLE].to_numpy()[anchors])
+    for name in ("x", "v", "a"):  # both begin at the speed of their vehicles, which hardly counts at t = 0
+        np.testing.assert_allclose(getattr(platoons, name)[:, 0, -1], getattr(now, name)[:, -1], atol=1e-6)
 
 
 def test_the_traffic_around_is_the_mean_speed_of_each_stretch_now_and_3_s_before():

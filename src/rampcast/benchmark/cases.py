@@ -114,10 +114,10 @@ def make_cases(
     t0: Float[np.ndarray, "case"],
     merges: Merges | None = None,
 ) -> Cases:
-    """Returns the cases at those rows of the tracks, without those whose vehicle has no speed yet.
+    """Returns the cases at those rows of the tracks.
 
-    The past is smoothed without the future. The truth is smoothed over whole gapless runs, as a recording is. Where
-    less than `LEAST_TRUTH` was seen, only the merge is asked for.
+    States are made from the past alone. The truth is smoothed over whole gapless runs, as a recording is. Where less
+    than `LEAST_TRUTH` was seen, only the merge is asked for.
     """
     smoothed = smoothed_runs(tracks)
     left = frames_left(tracks)[rows]
@@ -126,7 +126,7 @@ def make_cases(
     merges = merges or _no_merges(platoons_of_tracks(tracks, rows))
     seen = np.isfinite(merges.change_time)
     change = rows + np.where(seen, np.rint(merges.change_time / tracks.time_step), 0.0).astype(np.int64)
-    cases = Cases(
+    return Cases(
         data_set=data_set,
         case=case,
         group=group,
@@ -140,7 +140,6 @@ def make_cases(
         gap=merges.gap,
         place=np.where(seen, smoothed[change] - smoothed[rows], np.nan),
     )
-    return cases.select(cases.platoons.present[:, 0])
 
 
 def frames_left(tracks: Tracks) -> Int[np.ndarray, "row"]:

@@ -33,8 +33,8 @@ from rampcast.traffic.neighbours import NONE, find_neighbours
 from rampcast.traffic.platoons import (
     Tracks,
     chain_ahead,
+    lateral_now,
     platoons_of_tracks,
-    states_at_places,
     tracks_of_recording,
     tracks_of_table,
 )
@@ -181,22 +181,23 @@ def _us101_merges(
 
 def _hee_merges(tracks: Tracks, lane: Float[np.ndarray, "row"], rows: Int[np.ndarray, "case"]) -> Merges:
     """Returns the merges of the ramp vehicles; the main-road vehicles have no lane to merge into."""
-    lateral = replace(tracks, x=lane)
-    (now, u, _), _ = states_at_places(lateral, rows[:, None], np.ones((len(rows), 1), dtype=bool))
+    y, u = lateral_now(tracks, RQ31_LANE_WIDTH * (lane - LANE_LINE), rows)
     ramp = tracks.vehicle[rows] % 2 == 1
     main, there = tracks.find(tracks.vehicle[rows] - 1, tracks.frame[rows])
     there &= ramp
     ahead = tracks.x[main] >= tracks.x[rows]
     follower, leader = np.where(there & ~ahead, main, NONE), np.where(there & ahead, main, NONE)
     nobody = np.full(len(rows), NONE)
-    change_time = np.where(ramp, crossing_times(tracks, smoothed_runs(lateral) > LANE_LINE, rows), np.nan)
+    change_time = np.where(
+        ramp, crossing_times(tracks, smoothed_runs(replace(tracks, x=lane)) > LANE_LINE, rows), np.nan
+    )
     target = np.column_stack([nobody, follower, leader])
     scenes = MergeScenes(
         own=platoons_of_tracks(tracks, rows),
         target=target_of_tracks(tracks, behind=(nobody, follower), leader_1=leader),
         to_end=np.where(ramp, np.inf, np.nan),
-        offset=np.where(ramp, RQ31_LANE_WIDTH * (LANE_LINE - now[:, 0, -1]), np.nan),
-        approach=np.where(ramp, RQ31_LANE_WIDTH * u[:, 0, -1], np.nan),
+        offset=np.where(ramp, -y, np.nan),
+        approach=np.where(ramp, u, np.nan),
     )
     return Merges(
         scenes,

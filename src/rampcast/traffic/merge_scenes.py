@@ -19,6 +19,7 @@ from rampcast.traffic.platoons import (
     Tracks,
     chain_ahead,
     check_time_step,
+    lateral_now,
     no_traffic,
     platoons_of_tracks,
     states_at_places,
@@ -109,7 +110,7 @@ def target_of_tracks(
     """
     places, there = _target_places(tracks, behind, leader_1)
     states, valid = states_at_places(tracks, places, there)
-    return with_states(tracks, places, states, valid, _nearest_first(valid[:, :, -1]))
+    return with_states(tracks, places, states, valid, _nearest_first(there))
 
 
 def build_merge_scenes(recording: Recording, anchors: Int[np.ndarray, "scene"]) -> MergeScenes:
@@ -133,7 +134,8 @@ def build_merge_scenes(recording: Recording, anchors: Int[np.ndarray, "scene"]) 
         return without_target(own)
     neighbours = np.where(on_ramp[:, None], find_neighbours(recording, anchors), NONE)
     behind, leader_1 = (neighbours[:, FOLLOWER_2], neighbours[:, FOLLOWER_1]), neighbours[:, LEADER_1]
-    x, y, u = _lateral(recording, tracks, anchors)
+    x = recording.tracks[c.X].to_numpy()[anchors]
+    y, u = lateral_now(tracks, recording.tracks[c.Y].to_numpy(), anchors)
     side = np.sign(site.lane_centre(site.target_lane) - site.lane_centre(site.ramp_lanes[0]))
     return MergeScenes(
         own=own,
@@ -159,12 +161,3 @@ def _nearest_first(seen: Bool[np.ndarray, "scene place"]) -> Bool[np.ndarray, "s
     """Returns which vehicles of the target lane are seen with all nearer ones on their side."""
     behind = np.logical_and.accumulate(seen[:, :BEHIND][:, ::-1], axis=1)[:, ::-1]
     return np.concatenate([behind, np.logical_and.accumulate(seen[:, BEHIND:], axis=1)], axis=1)
-
-
-def _lateral(
-    recording: Recording, tracks: Tracks, anchors: Int[np.ndarray, "scene"]
-) -> tuple[Float[np.ndarray, "scene"], ...]:
-    """Returns x [m], y [m] and the lateral speed u [m/s] at t = 0."""
-    x, y = (recording.tracks[name].to_numpy() for name in (c.X, c.Y))
-    (smooth, u, _), _ = states_at_places(replace(tracks, x=y), anchors[:, None], np.ones((len(anchors), 1), dtype=bool))
-    return x[anchors], smooth[:, 0, -1], u[:, 0, -1]

@@ -13,11 +13,11 @@ from rampcast.errors import RecordingError
 from rampcast.horizon import SAME_STEP, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.smoothing import HALF_WINDOW, SHORTEST_TRACK, derivative, smooth_tracks
+from rampcast.traffic.moments import GRID
 
 PLACES = 9  # the central vehicle and up to 8 ahead: about 15 s of a wave that travels upstream at 5 m/s
 HISTORY = 21  # steps of 0.2 s: t = -4.0 to 0.0 s; the paper's history, with its beginning
-LONGEST_FILLED_HOLE = HALF_WINDOW  # [s]; the filter bridges as much with what lies on either side of it
+STATES = ("x", "y", "v", "u", "a", "e")  # in the order of `past_filter.states_from_past`
 CAR = c.KINDS.index("car")
 TYPICAL_LENGTH = 4.5  # [m] of a car; for vehicles whose length is not known
 BANDS = (-100.0, 0.0, 40.0, 80.0, 120.0, 180.0, 260.0, 400.0)  # [m] ahead: edges of the stretches of `Platoons.traffic`
@@ -31,9 +31,9 @@ class Platoons:
 
     Attributes:
         x: front centre at t = -4.0, -3.8 ... 0.0 s [m]; NaN where not valid.
-        v: speed [m/s], one-sided at t = 0; NaN where not valid.
+        v: speed [m/s]; NaN where not valid.
         a: acceleration [m/s^2], likewise.
-        valid: whether the vehicle in that place at t = 0 was seen then.
+        valid: whether the vehicle in that place at t = 0 is known then.
         length: [m]; NaN where there is no vehicle, or its length is not known.
         kind: index into `columns.KINDS`; car where not known.
         traffic: mean speed of all that was seen in each of `BANDS` about the central vehicle, in any lane, in the
@@ -191,9 +191,8 @@ def tracks_of_recording(recording: Recording) -> Tracks:
 def platoons_of_tracks(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Platoons:
     """Returns the platoon of each of those rows: the vehicle there, and the vehicles ahead of it at that moment.
 
-    Histories are cut off at t = 0 before they are smoothed as a recording is, so nothing of the future is in them. A
-    hole of up to `LONGEST_FILLED_HOLE` is filled linearly, a longer one stays open; a run of fewer than
-    `SHORTEST_TRACK` frames cannot be smoothed and counts as not seen.
+    Its states are made from what was seen until then alone, see `past_filter`: short holes are bridged, and a track
+    begins anew after a long one.
 
     Args:
         tracks: see `Tracks`.
@@ -201,7 +200,7 @@ def platoons_of_tracks(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Plat
     """
     places, present = chain_ahead(tracks, rows)
     states, valid = states_at_places(tracks, places, present)
-    own = with_states(tracks, places, states, valid, np.logical_and.accumulate(valid[:, :, -1], axis=1))
+    own = with_states(tracks, places, states, valid, present)
     return replace(own, traffic=traffic_around(tracks, rows))
 
 
@@ -211,21 +210,53 @@ States = list[Float[np.ndarray, "platoon place past"]]  # x, v, a
 def states_at_places(
     tracks: Tracks, places: Int[np.ndarray, "platoon place"], present: Bool[np.ndarray, "platoon place"]
 ) -> tuple[States, Bool[np.ndarray, "platoon place past"]]:
-    """Returns x [m], v [m/s] and a [m/s^2] of the vehicles in those rows over 4 s, and when they were seen.
+    """Returns x [m], v [m/s] and a [m/s^2] of the vehicles in those rows over 4 s, and when they are known.
 
-    See `platoons_of_tracks` for what is cut off, smoothed and filled.
+    Nothing after the row is looked at; see `past_filter.states_from_past`.
     """
+    states, valid = _from_past(tracks, np.full(len(tracks.x), np.nan), places, present)
+    return [np.ascontiguousarray(states[:, :, order]) for order in (0, 2, 4)], valid
+
+
+def lateral_now(
+    tracks: Tracks, y: Float[np.ndarray, "row"], rows: Int[np.ndarray, "platoon"]
+) -> tuple[Float[np.ndarray, "platoon"], Float[np.ndarray, "platoon"]]:
+    """Returns the lateral place [m] and speed [m/s] of the vehicles in those rows, from their past alone.
+
+    Args:
+        tracks: see `Tracks`.
+        y: lateral place in each of its rows [m]; a vehicle that lacks it in a row of its past has none.
+        rows: the vehicle and the moment, as a row of the tracks.
+    """
+    states, _ = _from_past(tracks, y, rows[:, None], np.ones((len(rows), 1), dtype=bool))
+    return states[:, 0, 1, -1], states[:, 0, 3, -1]
+
+
+def _from_past(
+    tracks: Tracks,
+    y: Float[np.ndarray, "row"],
+    places: Int[np.ndarray, "platoon place"],
+    present: Bool[np.ndarray, "platoon place"],
+) -> tuple[Float[np.ndarray, "platoon place 6 past"], Bool[np.ndarray, "platoon place past"]]:
+    """Returns x, y, v, u, a, e over 4 s of the vehicles in those rows, and when they are known."""
+    from rampcast.traffic.past_filter import states_from_past  # numba: only who asks for traffic waits for it
+
     back = np.arange(-(HISTORY - 1) * tracks.every, 1)
     shape = (*places.shape, len(back))
     found, seen = tracks.find(
         np.broadcast_to(tracks.vehicle[places][..., None], shape), tracks.frame[places][..., None] + back
     )
     seen &= present[..., None]
-    raw, known = _holes_filled(
-        np.where(seen, tracks.x[found], np.nan), seen, longest=round(LONGEST_FILLED_HOLE / tracks.time_step)
-    )
-    states, known = _states(raw, known, tracks.time_step)
-    return [np.ascontiguousarray(values[..., :: tracks.every]) for values in states], known[..., :: tracks.every]
+    since = np.broadcast_to(back * tracks.time_step, shape)
+    states = np.full((*places.shape, len(STATES), HISTORY), np.nan)
+    valid = np.zeros((*places.shape, HISTORY), dtype=bool)
+    for platoon, there in enumerate(present):  # each by itself: what is believed of the unknown comes from its vehicles
+        mine, rows = seen[platoon], found[platoon][seen[platoon]]
+        first = np.append(0, np.cumsum(mine[there].sum(axis=1)))
+        states[platoon, there], valid[platoon, there] = states_from_past(
+            since[platoon][mine], tracks.x[rows], y[rows], first, grid=GRID
+        )
+    return states, valid
 
 
 def check_time_step(time_step: float) -> None:
@@ -285,43 +316,6 @@ def traffic_around(tracks: Tracks, rows: Int[np.ndarray, "platoon"]) -> Float[np
 def no_traffic(count: int) -> Float[np.ndarray, "platoon moment band"]:
     """Returns `Platoons.traffic` of that many platoons where nothing is known of it."""
     return np.full((count, len(MOMENTS), len(BANDS) - 1), np.nan)
-
-
-def _holes_filled(
-    values: Float[np.ndarray, "platoon place sample"], seen: Bool[np.ndarray, "platoon place sample"], *, longest: int
-) -> tuple[Float[np.ndarray, "platoon place sample"], Bool[np.ndarray, "platoon place sample"]]:
-    """Returns the values with holes of up to `longest` samples filled linearly, and which samples are known then."""
-    count = values.shape[-1]
-    sample = np.arange(count)
-    before = np.maximum.accumulate(np.where(seen, sample, -1), axis=-1)
-    after = np.minimum.accumulate(np.where(seen, sample, count)[..., ::-1], axis=-1)[..., ::-1]
-    fill = ~seen & (before >= 0) & (after < count) & (after - before - 1 <= longest)
-    before, after = np.maximum(before, 0), np.minimum(after, count - 1)
-    low, high = (np.take_along_axis(values, at, axis=-1) for at in (before, after))
-    share = (sample - before) / np.maximum(after - before, 1)
-    return np.where(fill, low + share * (high - low), values), seen | fill
-
-
-def _states(
-    raw: Float[np.ndarray, "platoon place sample"], known: Bool[np.ndarray, "platoon place sample"], time_step: float
-) -> tuple[list[Float[np.ndarray, "platoon place sample"]], Bool[np.ndarray, "platoon place sample"]]:
-    """Returns smoothed x, v and a of every run that is long enough, each by itself, and which samples they are."""
-    begins = known & ~np.concatenate([np.zeros_like(known[..., :1]), known[..., :-1]], axis=-1)
-    number = np.cumsum(begins) - 1  # of the run, over all histories
-    run = number.reshape(known.shape)[known]
-    lengths = np.bincount(run)
-    long = (lengths >= SHORTEST_TRACK)[run]
-    kept = known.copy()
-    kept[known] = long
-    states = [np.full(raw.shape, np.nan) for _ in range(3)]
-    if long.any():
-        lengths = lengths[lengths >= SHORTEST_TRACK]
-        starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-        x = smooth_tracks(raw[kept], starts, window=2 * round(HALF_WINDOW / time_step) + 1)
-        v = derivative(x, starts, time_step=time_step)
-        for values, state in zip(states, (x, v, derivative(v, starts, time_step=time_step)), strict=True):
-            values[kept] = state
-    return states, kept
 
 
 def with_states(
