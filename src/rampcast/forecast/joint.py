@@ -1,0 +1,290 @@
+"""What is forecast of all vehicles of one moment: samples of the whole traffic, and what is counted in them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int, Shaped
+
+from rampcast.errors import RampcastError
+from rampcast.forecast.encounters import Conflicts, conflicts, shares_by
+from rampcast.forecast.leaders import NOBODY, merge_gaps
+from rampcast.horizon import STEP
+from rampcast.notebook import html_table
+from rampcast.sites import Site
+
+SHOWN = 8  # vehicles that an error names
+
+
+@dataclass(frozen=True, repr=False)
+class Forecast:
+    """Samples of what becomes of the traffic of one moment; in each of them all vehicles see each other.
+
+    All that is not given is counted in the samples when it is looked at, so that nothing contradicts.
+
+    Attributes:
+        site: the geometry.
+        t0: the moment [s].
+        vehicle: ids, in the order of `Traffic.vehicle`.
+        start: front at t0 [m].
+        start_lane: lane at t0; `NO_LANE` where it is not known.
+        length: [m].
+        samples: fronts at 0.2, 0.4 ... 15 s after t0 [m].
+        lane: lanes then.
+    """
+
+    site: Site
+    t0: float
+    vehicle: Shaped[np.ndarray, "vehicle"]
+    start: Float[np.ndarray, "vehicle"]
+    start_lane: Int[np.ndarray, "vehicle"]
+    length: Float[np.ndarray, "vehicle"]
+    samples: Float[np.ndarray, "vehicle sample step"]
+    lane: Int[np.ndarray, "vehicle sample step"]
+
+    def __len__(self) -> int:
+        return len(self.vehicle)
+
+    def __repr__(self) -> str:
+        _, count, steps = self.samples.shape
+        return (
+            f"<Forecast of {self.site.name} at {self.t0:.1f} s: {len(self)} vehicles, {count} futures "
+            f"of {steps * STEP:g} s>"
+        )
+
+    def _repr_html_(self) -> str:
+        _, count, steps = self.samples.shape
+        likely = self.on_ramp & (self.p_merged[:, -1] >= 0.5)
+        rows = {
+            "moment": f"{self.t0:.1f} s",
+            "vehicles": f"{len(self)}, {self.on_ramp.sum()} of them on the ramp",
+            "futures": f"{count} of {steps * STEP:g} s, of all vehicles together",
+            f"likely to merge within {steps * STEP:g} s": ", ".join(map(str, self.vehicle[likely])) or "none",
+        }
+        return html_table(f"Forecast of {self.site.name}", rows)
+
+    def __getitem__(self, vehicle: object) -> "VehicleForecast":
+        """Returns what is forecast of one vehicle.
+
+        Raises:
+            RampcastError: it is not in the forecast.
+        """
+        rows = np.flatnonzero(self.vehicle == vehicle)
+        if not len(rows):
+            some = ", ".join(map(str, self.vehicle[:SHOWN])) + (", ..." if len(self) > SHOWN else "")
+            raise RampcastError(f"this forecast has no vehicle {vehicle!r}; it has {len(self)}: {some or 'none'}")
+        return VehicleForecast(self, int(rows[0]))
+
+    @cached_property
+    def on_ramp(self) -> Bool[np.ndarray, "vehicle"]:
+        """Returns who is in a ramp lane at t0, and so may merge."""
+        return np.isin(self.start_lane, self.site.ramp_lanes)
+
+    @cached_property
+    def speeds(self) -> Float[np.ndarray, "vehicle sample step"]:
+        """Returns the speeds over the steps that end at 0.2, 0.4 ... s [m/s]."""
+        before = np.broadcast_to(self.start.astype(self.samples.dtype)[:, None, None], (*self.samples.shape[:2], 1))
+        return np.diff(self.samples, axis=2, prepend=before) / self.samples.dtype.type(STEP)
+
+    @cached_property
+    def _ordered(self) -> Float[np.ndarray, "vehicle sample step"]:
+        return np.sort(self.samples, axis=1)
+
+    def quantiles(
+        self, levels: Sequence[float] | Float[np.ndarray, "level"]
+    ) -> Float[np.ndarray, "vehicle step level"]:
+        """Returns the fronts that are not exceeded with those probabilities [m].
+
+        Of n samples the k-th smallest is the quantile at k / (n + 1), which one more sample would not exceed with
+        just that probability; in between it is linear, and beyond the first and the last constant.
+
+        Source: Hyndman and Fan 1996, "Sample quantiles in statistical packages", definition 6.
+
+        Args:
+            levels: above 0 and below 1, in any order.
+
+        Raises:
+            RampcastError: a level is not.
+        """
+        asked = _checked_levels(levels)
+        count = self.samples.shape[1]
+        place = np.clip(asked * (count + 1) - 1.0, 0.0, count - 1.0)
+        low = np.floor(place).astype(np.int64)
+        below, above = (self._ordered[:, rows].astype(np.float64) for rows in (low, np.minimum(low + 1, count - 1)))
+        return np.moveaxis(below + (place - low)[:, None] * (above - below), 1, 2)
+
+    @cached_property
+    def median(self) -> Float[np.ndarray, "vehicle step"]:
+        """Returns the fronts that are as likely exceeded as not [m]."""
+        return self.quantiles((0.5,))[:, :, 0]
+
+    @cached_property
+    def merge_step(self) -> Int[np.ndarray, "vehicle sample"]:
+        """Returns the first step in the target lane of those who start in a ramp lane; else the number of steps."""
+        there = (self.lane == self.site.target_lane) & self.on_ramp[:, None, None]
+        return np.where(there.any(axis=2), there.argmax(axis=2), self.samples.shape[2])
+
+    @cached_property
+    def p_merged(self) -> Float[np.ndarray, "vehicle step"]:
+        """Returns the probability to have merged by 0.2, 0.4 ... s: the share of the samples that have."""
+        return shares_by(self.merge_step, self.samples.shape[2])
+
+    @cached_property
+    def merge_time(self) -> Float[np.ndarray, "vehicle sample"]:
+        """Returns the time from t0 to the merge [s], the middle of its step; infinite where there is none."""
+        return np.where(self.merge_step < self.samples.shape[2], STEP * (self.merge_step + 0.5), np.inf)
+
+    def merge_time_quantiles(
+        self, levels: Sequence[float] | Float[np.ndarray, "level"]
+    ) -> Float[np.ndarray, "vehicle level"]:
+        """Returns the times by which it has merged with those probabilities [s]; infinite where not in the forecast.
+
+        Args:
+            levels: above 0 and below 1.
+
+        Raises:
+            RampcastError: a level is not.
+        """
+        asked = _checked_levels(levels)
+        return np.quantile(self.merge_time, asked, axis=1, method="inverted_cdf").T
+
+    @cached_property
+    def merge_place(self) -> Float[np.ndarray, "vehicle sample"]:
+        """Returns the front in the step of the merge [m]; NaN where there is none."""
+        steps = self.samples.shape[2]
+        at = np.minimum(self.merge_step, steps - 1)[:, :, None]
+        place = np.take_along_axis(self.samples, at, axis=2)[:, :, 0].astype(np.float64)
+        return np.where(self.merge_step < steps, place, np.nan)
+
+    @cached_property
+    def gap_sides(self) -> tuple[Int[np.ndarray, "vehicle sample"], ...]:
+        """Returns who is ahead and who is behind at the merge, as places in `vehicle`, and the gap's number.
+
+        See `leaders.merge_gaps`.
+        """
+        return merge_gaps(
+            self.samples,
+            self.lane,
+            start=self.start,
+            in_target=self.start_lane == self.site.target_lane,
+            merge_step=self.merge_step,
+        )
+
+    @cached_property
+    def gap(self) -> pl.DataFrame:
+        """Returns the probability of each gap that some sample merges into.
+
+        Columns: vehicle, gap, ahead, behind, p. `gap` is 0 beside the vehicle at t0, 1 in front of the target-lane
+        vehicle ahead then, -1 behind the one behind; `ahead` and `behind` are the ids of those between whom it merges,
+        null where nobody is. What is missing to 1 is the probability not to merge.
+        """
+        row, sample = np.nonzero(self.merge_step < self.samples.shape[2])
+        ahead, behind, number = (part[row, sample] for part in self.gap_sides)
+        found = pl.DataFrame({"row": row, "gap": number, "ahead": ahead, "behind": behind})
+        counted = found.group_by("row", "gap", "ahead", "behind").agg(p=pl.len() / self.samples.shape[1])
+        ids = pl.Series("vehicle", self.vehicle)
+        named = [_named(ids, counted[name]).alias(name) for name in ("ahead", "behind")]
+        order = ["row", "p", "gap", "ahead", "behind"]
+        rows = counted.with_columns(pl.Series("vehicle", _named(ids, counted["row"])), *named)
+        chosen = rows.sort(order, descending=[False, True, False, False, False])
+        return chosen.select("vehicle", "gap", "ahead", "behind", "p")
+
+    @cached_property
+    def conflicts(self) -> Conflicts:
+        """Returns the probabilities of conflicts with the leader and, after the merge, with the vehicle behind."""
+        ahead, behind, _ = self.gap_sides
+        return conflicts(
+            self.samples,
+            self.lane,
+            speeds=self.speeds,
+            length=self.length,
+            merge_step=self.merge_step,
+            ahead=ahead,
+            behind=behind,
+        )
+
+
+@dataclass(frozen=True)
+class VehicleForecast:
+    """What is forecast of one vehicle: its rows of a `Forecast`.
+
+    Attributes:
+        forecast: of the whole traffic.
+        row: the vehicle's place in it.
+    """
+
+    forecast: Forecast
+    row: int
+
+    def __repr__(self) -> str:
+        return f"<Forecast of vehicle {self.vehicle} of {self.forecast.site.name} at {self.forecast.t0:.1f} s>"
+
+    @property
+    def vehicle(self) -> object:
+        """Returns its id."""
+        return self.forecast.vehicle[self.row]
+
+    @property
+    def start(self) -> float:
+        """Returns its front at t0 [m]."""
+        return float(self.forecast.start[self.row])
+
+    @property
+    def samples(self) -> Float[np.ndarray, "sample step"]:
+        """Returns its fronts at 0.2, 0.4 ... s after t0 [m]."""
+        return self.forecast.samples[self.row]
+
+    @property
+    def lane(self) -> Int[np.ndarray, "sample step"]:
+        """Returns its lanes then."""
+        return self.forecast.lane[self.row]
+
+    @property
+    def speeds(self) -> Float[np.ndarray, "sample step"]:
+        """Returns its speeds over the steps that end then [m/s]."""
+        return self.forecast.speeds[self.row]
+
+    @property
+    def median(self) -> Float[np.ndarray, "step"]:
+        """Returns the fronts that are as likely exceeded as not [m]."""
+        return self.forecast.median[self.row]
+
+    def quantiles(self, levels: Sequence[float] | Float[np.ndarray, "level"]) -> Float[np.ndarray, "step level"]:
+        """Returns the fronts that are not exceeded with those probabilities [m]; see `Forecast.quantiles`."""
+        return self.forecast.quantiles(levels)[self.row]
+
+    @property
+    def p_merged(self) -> Float[np.ndarray, "step"]:
+        """Returns the probability to have merged by then."""
+        return self.forecast.p_merged[self.row]
+
+    @property
+    def merge_time(self) -> Float[np.ndarray, "sample"]:
+        """Returns the time from t0 to the merge [s]; infinite where there is none."""
+        return self.forecast.merge_time[self.row]
+
+    @property
+    def merge_place(self) -> Float[np.ndarray, "sample"]:
+        """Returns the front in the step of the merge [m]; NaN where there is none."""
+        return self.forecast.merge_place[self.row]
+
+    @property
+    def gap(self) -> pl.DataFrame:
+        """Returns the probability of each gap that some sample merges into; see `Forecast.gap`."""
+        return self.forecast.gap.filter(pl.col("vehicle") == self.vehicle).drop("vehicle")
+
+
+def _checked_levels(levels: Sequence[float] | Float[np.ndarray, "level"]) -> Float[np.ndarray, "level"]:
+    asked = np.asarray(levels, dtype=np.float64)
+    wrong = asked[~((asked > 0.0) & (asked < 1.0))]
+    if len(wrong):
+        raise RampcastError(f"levels: expected probabilities above 0 and below 1, got {wrong[0]:g}")
+    return asked
+
+
+def _named(ids: pl.Series, places: pl.Series) -> pl.Series:
+    """Returns the ids at those places, null for `NOBODY`."""
+    there = places != NOBODY
+    return ids.gather(pl.select(pl.when(there).then(places)).to_series().cast(pl.UInt32))
