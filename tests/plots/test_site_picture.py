@@ -54,6 +54,14 @@ def test_a_site_without_a_ramp_shows_its_lanes(recording):
     assert_readable(figure.axes[0])
 
 
+def test_a_ramp_lane_that_goes_on_is_named_so_and_has_no_end(recording):
+    site = replace(recording.site, ramp_end=np.inf, merge_zone=(np.nan, np.nan), reference=BEND)
+    figure = site_picture(replace(recording, site=site))
+    assert {"gore 118 m", "ramp lane goes on"} <= words(figure)
+    assert not any("merge zone" in text or "ramp ends" in text for text in words(figure))
+    assert_readable(figure.axes[0])
+
+
 def test_a_lane_far_off_does_not_make_wide_lanes(recording):
     lanes = tuple(replace(lane, centre=-60.0) if lane.number == 7 else lane for lane in recording.site.lanes)
     figure = site_picture(replace(recording, site=replace(recording.site, lanes=lanes)))

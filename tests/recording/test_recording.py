@@ -1,5 +1,7 @@
 """Recordings, their files, and sites."""
 
+import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +13,8 @@ from rampcast.errors import RecordingError, SiteError
 from rampcast.files import write_whole, write_whole_folder
 from rampcast.recording import clean, concatenate, read_recording, write_recording
 from rampcast.recording import columns as c
-from rampcast.sites import load_site, site_names
-from rampcast.sites.site import SITE_FOLDER, site_from_dict, site_to_dict
+from rampcast.sites import load_site, site_names, write_site
+from rampcast.sites.site import SITE_FOLDER, differences, site_from_dict, site_to_dict
 from tests.made_up_traffic import random_traffic
 
 
@@ -64,6 +66,24 @@ def test_i80_was_recorded_when_the_data_set_says_and_the_paper_does_not():
     assert {note.erratum for note in load_site("i80").notes} >= {1, 7}
 
 
+@pytest.mark.parametrize("end", ["", "ramp_end = inf", "ramp_end = 700.0"])
+def test_a_ramp_lane_may_go_on_beyond_the_section(end, tmp_path):
+    """`ramp_end` is left out, infinite, or beyond the length of 503 m; then `merge_zone` may be left out too."""
+    text = (SITE_FOLDER / "i80.toml").read_text().replace("ramp_end = 230.0", end)
+    (tmp_path / "aux.toml").write_text(text.replace("merge_zone = [170.0, 230.0]", ""))
+    site = load_site(tmp_path / "aux.toml")
+    assert site.ramp_end == (700.0 if "700" in end else math.inf)
+    assert site.ramp_goes_on
+    assert not load_site("i80").ramp_goes_on
+    write_site(site, tmp_path / "again.toml")
+    again = load_site(tmp_path / "again.toml")
+    assert site_to_dict(again) == site_to_dict(site)
+    assert differences(again, site) == []
+    assert differences(site, load_site("i80"))[0].startswith("ramp_end")
+    assert "goes on" in site._repr_html_()
+    json.loads(json.dumps(site_to_dict(site), allow_nan=False))
+
+
 def test_a_user_adds_a_site_without_touching_code(tmp_path):
     text = (SITE_FOLDER / "i80.toml").read_text().replace('name = "i80"', 'name = "mine"')
     (tmp_path / "mine.toml").write_text(text)
@@ -75,6 +95,9 @@ def test_a_user_adds_a_site_without_touching_code(tmp_path):
     [
         ("gore = 117.8", "", "gore"),
         ("gore = 117.8", "gore = 900.0", "expected gore < ramp_end"),
+        ("ramp_end = 230.0", "ramp_end = 100.0", "expected gore < ramp_end"),
+        ("ramp_end = 230.0", 'ramp_end = "beyond"', 'ramp_end: expected a number, .*, got "beyond"'),
+        ("ramp_end = 230.0", "ramp_end = nan", "ramp_end: expected a number"),
         ("target_lane = 6", "target_lane = 12", "none of the lanes"),
         ('role = "ramp"', 'role = "main"', "no lane has the role 'ramp'"),
         ("America/Los_Angeles", "Moon/Crater", "time zone"),

@@ -99,10 +99,33 @@ def test_a_straight_ramp_gets_a_straight_lane_line():
     assert site.lane_line == ((0.0, -5.25), (400.0, -5.25))
 
 
-def test_a_ramp_lane_that_goes_on_to_the_end_ends_behind_the_merges():
+def test_a_ramp_lane_that_vehicles_drive_to_the_end_of_the_section_goes_on():
     site = with_ramp(SITE, recording(ramp_to=400.0), RampValues((3,)))
-    assert site.ramp_end == 195.0  # 195.5 - 0.19 * 5 = 194.55, rounded up
-    assert "driven to the end" in site.notes[2].text
+    assert (site.ramp_end, site.ramp_goes_on, site.merge_zone) == (np.inf, True, (105.0, 191.0))
+    assert site.notes[2].text.startswith("ramp_end is left out: the lane goes on, as 1 of the 21 vehicles of the ramp")
+
+
+def test_a_lane_that_goes_on_and_that_nobody_leaves_has_no_merge_zone():
+    site = with_ramp(SITE, recording(merges=(), ramp_to=400.0), RampValues((3,)))
+    assert np.isinf(site.ramp_end)
+    assert np.isnan(site.merge_zone).all()
+    assert site.notes[3].text == "merge_zone is left out: no merge was seen."
+
+
+def test_a_single_vehicle_of_many_that_is_seen_beyond_the_end_does_not_make_the_lane_go_on():
+    """120 merge, in 100 to 199.5; the label of one may be wrong."""
+    many = tuple(100 + 5 * (n % 20) for n in range(120))
+    site = with_ramp(SITE, recording(merges=many, ramp_to=400.0), RampValues((3,)))
+    assert site.ramp_end == 196.0  # 99 % of the merges lie before it
+    assert "hardly a vehicle" in site.notes[2].text
+
+
+def test_an_end_beyond_the_section_and_one_that_is_nowhere_can_be_given():
+    for end in (900.0, np.inf):
+        site = with_ramp(SITE, recording(), RampValues((3,), ramp_end=end))
+        assert (site.ramp_end, site.ramp_goes_on) == (end, True)
+        assert "ramp_end" not in [note.text.split()[0] for note in site.notes]
+        assert RampValues(gore=95.0).or_of(site).ramp_end == end
 
 
 def test_a_ramp_that_nobody_leaves_has_proposals_from_where_it_is_driven():
@@ -135,8 +158,9 @@ def test_mirroring_twice_changes_nothing():
         (RampValues((3,), target_lane=3), "another lane as their target"),
         (RampValues(()), "expected ramp lanes"),
         (RampValues((1, 2, 3)), "no lane beside those of the ramp"),
-        (RampValues((3,), gore=300.0, ramp_end=200.0), "gore < ramp_end <= length"),
-        (RampValues((3,), ramp_end=900.0), "gore < ramp_end <= length"),
+        (RampValues((3,), gore=300.0, ramp_end=200.0), "expected gore < ramp_end"),
+        (RampValues((3,), gore=500.0, ramp_end=900.0), "gore < length"),
+        (RampValues((3,), merge_zone=(150.0, 900.0)), "merge_zone: expected two x between the gore"),
     ],
 )
 def test_values_that_do_not_go_together_are_refused(values, message):
@@ -162,7 +186,8 @@ def test_a_site_loses_its_ramp_with_all_that_tells_of_it():
     site = without_ramp(with_ramp(SITE, recording(), RampValues((3,))))
     assert not site.has_ramp
     assert (site.target_lane, site.lane_line, site.notes) == (0, (), ())
-    assert np.isnan([site.gore, site.ramp_end, *site.merge_zone]).all()
+    assert np.isnan([site.gore, *site.merge_zone]).all()
+    assert np.isinf(site.ramp_end)
 
 
 def test_changes_are_those_within_a_track_and_rows_without_a_lane_are_passed_over():

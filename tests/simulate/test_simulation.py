@@ -1,6 +1,8 @@
 """What SUMO drove, read as a recording."""
 
+import math
 import sys
+from dataclasses import replace
 
 import polars as pl
 import pytest
@@ -9,7 +11,7 @@ from rampcast.errors import MissingExtra, RecordingError, SiteError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate import simulate
-from rampcast.simulate.network import full_width_end
+from rampcast.simulate.network import full_width_end, main_lanes
 from rampcast.sites import Site, load_site
 from rampcast.sites.site import site_from_dict, site_to_dict
 
@@ -76,3 +78,8 @@ def test_a_target_lane_that_is_not_the_rightmost_is_refused() -> None:
     site: Site = site_from_dict(site_to_dict(load_site("i80")) | {"target_lane": 5})
     with pytest.raises(SiteError, match="rightmost main lane"):
         simulate(site, minutes=1.0, seed=1)
+
+
+def test_a_ramp_lane_that_goes_on_cannot_be_simulated() -> None:
+    with pytest.raises(SiteError, match="needs a ramp lane that ends in the section; length is 503 m, ramp_end inf m"):
+        main_lanes(replace(load_site("i80"), ramp_end=math.inf))

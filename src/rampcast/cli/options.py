@@ -62,6 +62,7 @@ SiteFile = Annotated[
 ]
 TargetLane = Annotated[int | None, typer.Option("--target-lane", help="Lane that ramp vehicles merge into.")]
 Gore = Annotated[float | None, typer.Option("--gore", help="x where the ramp begins to run beside it \\[m].")]
+RampEnd = Annotated[float | None, typer.Option("--ramp-end", help="x where the ramp lane ends \\[m]; inf: goes on.")]
 MergeZone = Annotated[
     tuple[float, float] | None,
     typer.Option("--merge-zone", metavar="FROM TO", help="x between which merges are expected \\[m], as 180 230."),

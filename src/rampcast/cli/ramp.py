@@ -72,7 +72,7 @@ def _ask_values(proposed: "Site") -> "RampValues":
         lanes=proposed.ramp_lanes,
         target_lane=None if target == proposed.target_lane else target,
         gore=ask("Gore: x where the ramp begins to run beside it [m]", proposed.gore),
-        ramp_end=ask("End of the ramp lane: x [m]", proposed.ramp_end),
+        ramp_end=ask("End of the ramp lane: x [m], inf if it goes on", proposed.ramp_end),
     )
 
 

@@ -69,7 +69,7 @@ def roll_out(
         v: its speed at t = 0 [m/s].
         leader: the immediate leader.
         target: l1, l2, f1, f2.
-        ramp_end: where the ramp lane ends [m].
+        ramp_end: where the ramp lane ends [m]; infinite where it goes on.
         v_max: speed limit [m/s].
         mode: which reading of the paper.
         time_step: T [s].

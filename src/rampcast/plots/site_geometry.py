@@ -38,10 +38,21 @@ def site_geometry(site: Site, *, ax: Axes | None = None) -> Axes:
 
 
 def _mark_ramp(ax: Axes, site: Site, bottom: float, top: float) -> None:
-    before, beside = (np.linspace(*bounds, 50) for bounds in ((0.0, site.gore), (site.gore, site.ramp_end)))
+    end = min(site.ramp_end, site.length)
+    before, beside = (np.linspace(*bounds, 50) for bounds in ((0.0, site.gore), (site.gore, end)))
     ax.plot(before, site.lane_line_y(before), color=style.BLACK, linewidth=1.6, label="may not be crossed")
     ax.plot(beside, site.lane_line_y(beside), color=style.BLACK, linewidth=1.6, linestyle=(0, (4, 3)), label="merging")
-    start, end = site.merge_zone
+    if not np.isnan(site.merge_zone[0]):
+        _mark_merge_zone(ax, site.merge_zone, bottom, top)
+    end_text = ("ramp lane goes on", "right") if site.ramp_goes_on else (f" ramp ends {site.ramp_end:.0f} m", "left")
+    for x, text, side in ((site.gore, f"gore {site.gore:.0f} m ", "right"), (end, *end_text)):
+        if x < site.length:
+            ax.plot([x, x], [bottom, top], color=style.VERMILLION, linewidth=1.2, linestyle=(0, (1, 1.5)))
+        ax.text(x, top + 0.02 * (top - bottom), text, fontsize=8, ha=side, va="bottom", color="#8A3B00")
+
+
+def _mark_merge_zone(ax: Axes, zone: tuple[float, float], bottom: float, top: float) -> None:
+    start, end = zone
     ax.add_patch(Rectangle((start, bottom), end - start, top - bottom, facecolor=style.ORANGE, alpha=0.18))
     high = top + 0.13 * (top - bottom)
     ax.annotate(
@@ -49,13 +60,6 @@ def _mark_ramp(ax: Axes, site: Site, bottom: float, top: float) -> None:
     )
     text = f"merge zone {start:.0f} to {end:.0f} m"
     ax.text(0.5 * (start + end), high + 0.03 * (top - bottom), text, fontsize=8.5, ha="center", va="bottom")
-    marks = (
-        (site.gore, f"gore {site.gore:.0f} m ", "right"),
-        (site.ramp_end, f" ramp ends {site.ramp_end:.0f} m", "left"),
-    )
-    for x, text, side in marks:
-        ax.plot([x, x], [bottom, top], color=style.VERMILLION, linewidth=1.2, linestyle=(0, (1, 1.5)))
-        ax.text(x, top + 0.02 * (top - bottom), text, fontsize=8, ha=side, va="bottom", color="#8A3B00")
 
 
 def _edges(site: Site) -> dict[int, tuple[float, float]]:
@@ -76,9 +80,9 @@ def _extent(site: Site, lane: Lane) -> tuple[float, float]:
     )
     shares_place = any(n.centre == lane.centre and n.number != lane.number for n in site.lanes)
     if lane.role == "ramp":
-        return (0.0, site.ramp_end if lane == beside else site.gore)
+        return (0.0, min(site.ramp_end, site.length) if lane == beside else site.gore)
     if lane.role == "exit" or (lane.role == "shoulder" and shares_place):
-        return (site.ramp_end, site.length)
+        return (min(site.ramp_end, site.length), site.length)
     return (0.0, site.length)
 
 

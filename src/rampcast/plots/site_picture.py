@@ -142,7 +142,9 @@ def _draw_plane(ax: Axes, site: Site, tracks: pl.DataFrame) -> None:
     high = max(lane.centre for lane in site.lanes) + BEYOND
     marks = [(0.0, "x = 0", style.BLACK)]
     if site.has_ramp:
-        marks += [(site.gore, "gore", style.VERMILLION), (site.ramp_end, "ramp ends", style.VERMILLION)]
+        marks.append((site.gore, "gore", style.VERMILLION))
+    if site.has_ramp and not site.ramp_goes_on:
+        marks.append((site.ramp_end, "ramp ends", style.VERMILLION))
     for number, (x, name, color) in enumerate(marks):
         ends = np.stack(in_plane(line, np.full(2, x), side * np.array([low, high])), axis=1)
         ax.plot(*ends.T, color=color, linewidth=1.3, zorder=4)

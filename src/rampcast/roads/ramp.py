@@ -38,7 +38,7 @@ class RampValues:
     lanes: tuple[int, ...] = ()
     target_lane: int | None = None
     gore: float | None = None
-    ramp_end: float | None = None
+    ramp_end: float | None = None  # infinite: the lane goes on
     merge_zone: tuple[float, float] | None = None
 
     def or_of(self, site: Site) -> "RampValues":
@@ -202,10 +202,11 @@ def _check_lanes(site: Site, values: RampValues) -> None:
 
 def _check_zone(site: Site) -> None:
     low, high = site.merge_zone
-    if not site.gore <= low <= high <= site.ramp_end:
+    end = min(site.ramp_end, site.length)
+    if low < site.gore or high > end:  # never of an unknown one, which is NaN
         raise SiteError(
             f"merge_zone: expected two x between the gore ({site.gore:.1f} m) and the end of the "
-            f"ramp ({site.ramp_end:.1f} m), got {low:g} {high:g}; give --merge-zone, --gore or --ramp-end anew"
+            f"ramp ({end:.1f} m), got {low:g} {high:g}; give --merge-zone, --gore or --ramp-end anew"
         )
 
 
@@ -230,7 +231,8 @@ def _target(site: Site, changes: pl.DataFrame) -> tuple[int, str]:
 class _Beside:
     """How the ramp and the target lane run beside each other: their y [m] in cells around x [m], where both are driven.
 
-    `first` and `last` are the ends of what is driven on the ramp [m].
+    `first` and `last` are the ends of what is driven on the ramp [m]; `through` of its `vehicles` drive on it to the
+    end of the section.
     """
 
     x: Float[np.ndarray, "cell"]
@@ -238,6 +240,8 @@ class _Beside:
     target: Float[np.ndarray, "cell"]
     first: float
     last: float
+    through: int
+    vehicles: int
 
 
 def _beside(site: Site, recording: Recording, target: int) -> _Beside:
@@ -254,7 +258,10 @@ def _beside(site: Site, recording: Recording, target: int) -> _Beside:
     driven = rows.filter(~is_target)[c.X].to_numpy()
     first, last = (float(driven.min()), float(driven.max())) if len(driven) else (0.0, site.length)
     x = (cells["cell"].to_numpy() + 0.5) * CELL
-    return _Beside(x, cells["ramp"].to_numpy(), cells["target"].to_numpy(), first, last)
+    on_ramp = recording.tracks.filter(pl.col(c.LANE).is_in(site.ramp_lanes))
+    reached = on_ramp.group_by(c.RECORDING, c.VEHICLE).agg(pl.col(c.X).max())[c.X].to_numpy()
+    through = int(np.count_nonzero(reached >= site.length - CELL))
+    return _Beside(x, cells["ramp"].to_numpy(), cells["target"].to_numpy(), first, last, through, len(reached))
 
 
 def _apart_from_changes(recording: Recording) -> pl.DataFrame:
@@ -321,17 +328,22 @@ def _gore(places: Float[np.ndarray, "merge"], beside: _Beside) -> tuple[float, s
 
 
 def _end(places: Float[np.ndarray, "merge"], beside: _Beside, gore: float, length: float) -> tuple[float, str]:
+    if beside.through > (1.0 - LATE) * beside.vehicles:
+        how = f"{beside.through} of the {beside.vehicles} vehicles of the ramp drive on it to the end of the section"
+        return np.inf, f"ramp_end is left out: the lane goes on, as {how}; if it ends there, give --ramp-end."
     if len(places) == 0 or beside.last < length - CELL:
         end = float(np.ceil(beside.last))
         how = "no vehicle is seen on the ramp beyond it; the lane itself may go on"
     else:
         end = float(np.ceil(np.quantile(places, LATE)))
-        how = "the ramp lane is driven to the end of the section, but 99 % of the merges lie before it"
+        how = "hardly a vehicle drives on the ramp to the end of the section, and 99 % of the merges lie before it"
     end = min(max(end, gore + 1.0), length)
     return end, f"ramp_end {end:.0f} m is a proposal: {how}."
 
 
 def _zone(places: Float[np.ndarray, "merge"], gore: float, end: float) -> tuple[tuple[float, float], str]:
+    if len(places) == 0 and np.isinf(end):
+        return (np.nan, np.nan), "merge_zone is left out: no merge was seen."
     if len(places) == 0:
         return (gore, end), "merge_zone is a proposal: from gore to ramp_end, since no merge was seen."
     low, high = (float(np.clip(round(place), gore, end)) for place in np.quantile(places, ZONE))

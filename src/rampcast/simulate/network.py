@@ -43,8 +43,14 @@ def main_lanes(site: Site) -> list[int]:
     """Returns the numbers of the main lanes from left to right.
 
     Raises:
-        SiteError: the target lane is not the rightmost of them, so that no lane can join from the right.
+        SiteError: the target lane is not the rightmost of them, so that no lane can join from the right, or the ramp
+            lane goes on.
     """
+    if site.ramp_goes_on:
+        raise SiteError(
+            f"site '{site.name}': a simulation needs a ramp lane that ends in the section; length is "
+            f"{site.length:g} m, ramp_end {site.ramp_end:g} m"
+        )
     numbers = sorted(lane.number for lane in site.lanes if lane.role == "main")
     if numbers[-1] != site.target_lane:
         raise SiteError(

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from rampcast.arguments import expected
 from rampcast.errors import SiteError
-from rampcast.file_values import Name, Number, Positive, close_name, converted, got
+from rampcast.file_values import LARGEST, Name, Number, Positive, close_name, converted, got
 from rampcast.files import write_whole
 from rampcast.notebook import html_table
 
@@ -31,6 +31,7 @@ SAME_X, SAME_Y = 2.0, 1.0  # [m] by which one road may differ: half a car's leng
 RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # a site without a ramp has none of them
 
 Point = tuple[Number, Number]
+Place = Annotated[float, msgspec.Meta(ge=-LARGEST)]  # a number, or infinity
 Role = Literal["main", "ramp", "exit", "shoulder"]
 
 
@@ -70,8 +71,9 @@ class Note:
 class Site:
     """The geometry of a road section. Longitudinal values are x [m], lateral values y [m, grows to the left].
 
-    A section without an on-ramp has no lane of role "ramp", and NaN or nothing for the values that tell of the ramp: it
-    can be read and checked, but there is no merge to forecast.
+    A section without an on-ramp has no lane of role "ramp", and the defaults for the values that tell of the ramp: it
+    can be read and checked, but there is no merge to forecast. A ramp lane that goes on beyond the section (an
+    auxiliary lane) ends nobody's drive: its `ramp_end` is infinite, or lies beyond the length.
     """
 
     name: Name
@@ -81,8 +83,8 @@ class Site:
     speed_limit: Positive  # [m/s]
     lanes: Annotated[tuple[Lane, ...], msgspec.Meta(min_length=1)]
     gore: Number = math.nan  # x where the ramp lane begins to run beside the target lane [m]
-    ramp_end: Number = math.nan  # x where the ramp lane ends: x_end of the paper [m]
-    merge_zone: Point = (math.nan, math.nan)  # [m, m]
+    ramp_end: Place = math.inf  # x where the ramp lane ends: x_end of the paper [m]; infinite where it goes on
+    merge_zone: Point = (math.nan, math.nan)  # [m, m]; NaN where not known
     target_lane: int = NO_LANE
     lane_line: tuple[Point, ...] = ()  # (x, y) of the line between ramp lane and target lane
     timezone: str = "UTC"
@@ -102,6 +104,11 @@ class Site:
         """Returns whether vehicles merge from a ramp here."""
         return bool(self.ramp_lanes)
 
+    @property
+    def ramp_goes_on(self) -> bool:
+        """Returns whether the ramp lane is still there where the section ends."""
+        return self.has_ramp and self.ramp_end > self.length
+
     def lane_centre(self, number: int) -> float:
         """Returns the lateral position of a lane's centre [m]."""
         for lane in self.lanes:
@@ -119,7 +126,8 @@ class Site:
         return {w.name: (self._milliseconds(w.start), self._milliseconds(w.end)) for w in self.windows}
 
     def _repr_html_(self) -> str:
-        ramp = f"gore at {self.gore:g} m, ends at {self.ramp_end:g} m, into lane {self.target_lane}"
+        end = "goes on" if self.ramp_goes_on else f"ends at {self.ramp_end:g} m"
+        ramp = f"gore at {self.gore:g} m, {end}, into lane {self.target_lane}"
         rows = {
             "name": self.name,
             "length": f"{self.length:g} m",
@@ -190,7 +198,8 @@ def site_from_dict(values: dict[str, Any]) -> Site:
 def site_to_dict(site: Site) -> dict[str, Any]:
     """Returns the values of a site file; the inverse of `site_from_dict`."""
     values = asdict(site)
-    absent = [name for name in RAMP_VALUES if not site.has_ramp]
+    unknown = {"ramp_end": math.isinf(site.ramp_end), "merge_zone": math.isnan(site.merge_zone[0])}
+    absent = [name for name in RAMP_VALUES if not site.has_ramp or unknown.get(name)]
     for lane in values["lanes"]:
         if not lane["sources"]:
             del lane["sources"]
@@ -205,7 +214,7 @@ def differences(site: Site, other: Site) -> list[str]:
     found = []
     for name in ("length", "gore", "ramp_end"):
         mine, its = getattr(site, name), getattr(other, name)
-        if not (abs(mine - its) <= SAME_X or (math.isnan(mine) and math.isnan(its))):
+        if not (mine == its or abs(mine - its) <= SAME_X or (math.isnan(mine) and math.isnan(its))):
             found.append(f"{name} {mine:.1f} m and {its:.1f} m")
     if site.target_lane != other.target_lane:
         found.append(f"target_lane {site.target_lane} and {other.target_lane}")
@@ -250,7 +259,7 @@ def _check(site: Site) -> None:
         raise SiteError("reference needs two points [x, y] or more, in the order of travel")
     if site.has_ramp:
         _check_ramp(site, numbers)
-    elif site.target_lane != NO_LANE or site.lane_line or not all(map(math.isnan, _places(site))):
+    elif not all(_absent(site).values()):
         raise SiteError(f"no lane has the role 'ramp'; give it to one, or leave out {', '.join(RAMP_VALUES)}")
     try:
         site.window_bounds()
@@ -258,29 +267,30 @@ def _check(site: Site) -> None:
         raise SiteError(f"a window's time or the time zone cannot be read: {error}") from error
 
 
-def _places(site: Site) -> tuple[float, ...]:
-    return (site.gore, site.ramp_end, *site.merge_zone)
-
-
-def _check_ramp(site: Site, numbers: list[int]) -> None:
-    absent = {
+def _absent(site: Site) -> dict[str, bool]:
+    """Returns which of the values that tell of the ramp are not given."""
+    return {
         "gore": math.isnan(site.gore),
-        "ramp_end": math.isnan(site.ramp_end),
+        "ramp_end": math.isinf(site.ramp_end),
         "merge_zone": math.isnan(site.merge_zone[0]),
         "target_lane": site.target_lane == NO_LANE,
         "lane_line": not site.lane_line,
     }
-    for name, is_absent in absent.items():
-        if is_absent:
+
+
+def _check_ramp(site: Site, numbers: list[int]) -> None:
+    may_be_absent = ("ramp_end", "merge_zone") if site.ramp_goes_on else ()
+    for name, is_absent in _absent(site).items():
+        if is_absent and name not in may_be_absent:
             raise SiteError(f"the value '{name}' is missing; a site with a ramp lane needs it")
-    if not site.merge_zone[0] <= site.merge_zone[1]:
+    if site.merge_zone[0] > site.merge_zone[1]:
         raise SiteError(f"merge_zone: expected [from, to] with from before to, {got(list(site.merge_zone))}")
     if site.target_lane not in numbers or site.target_lane in site.ramp_lanes:
         others = [number for number in numbers if number not in site.ramp_lanes]
         raise SiteError(f"target_lane is {site.target_lane}, which is none of the lanes {others} beside the ramp")
-    if not site.gore < site.ramp_end <= site.length:
+    if not site.gore < min(site.ramp_end, site.length):
         raise SiteError(
-            "expected gore < ramp_end <= length, got "
+            "expected gore < ramp_end and gore < length, got "
             f"gore = {site.gore}, ramp_end = {site.ramp_end}, length = {site.length}"
         )
     xs = [x for x, _ in site.lane_line]

@@ -49,6 +49,13 @@ def test_nobody_is_ahead_of_the_first_vehicle(mode):
     assert not nearest_ahead(np.array(X), BEHIND, mode=mode).present
 
 
+@BOTH_MODES
+def test_a_leader_that_is_not_there_is_followed_on_no_lane_not_even_one_that_goes_on(mode):
+    target = (vehicle(120.0, 7.0), *BEHIND, vehicle(X - 1))
+    found = actual_leader(np.array(X), leader=standing(503.0), target=target, ramp_end=np.inf, mode=mode)
+    assert (float(found.x), float(found.v)) == (120.0, 7.0)
+
+
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(st.floats(-100, 300), st.booleans()), min_size=4, max_size=4), st.sampled_from(Mode))
 def test_the_choice_is_that_of_a_search_through_a_list(others, mode):

@@ -112,6 +112,18 @@ def test_missing_neighbours_stand_where_the_paper_puts_them(scenes):
     assert (scenes.past[scenes.virtual][..., 2:] == 0).all()
 
 
+@pytest.mark.parametrize(("ramp_end", "stands_at"), [(np.inf, 503.0), (700.0, 700.0)])
+def test_the_missing_leader_of_a_lane_that_goes_on_is_beyond_the_section(recording, ramp_end, stands_at):
+    """The section is 503 m long, and the paper puts missing leaders at 500 m."""
+    site = replace(SITE, ramp_end=ramp_end)
+    endless = replace(recording, site=site, raw=replace(recording.raw, site=site))
+    scenes = build_scenes(endless, every=5.0)
+    assert (scenes.past[scenes.virtual[:, LEADER], LEADER, :, X] == stands_at).all()
+    around, start = merge_scenes_of_rows(endless, find_anchors(endless, every=5.0))
+    np.testing.assert_array_equal(around.to_end, ramp_end - start)
+    assert around.may_merge.all()
+
+
 def test_the_role_view_shows_who_filled_the_slot_at_each_step(scenes, recording):
     tracks = recording.tracks
     for scene in range(0, len(scenes), 7):

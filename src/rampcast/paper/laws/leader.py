@@ -73,15 +73,13 @@ def actual_leader(
 
     Args:
         x: front of the follower, x_i [m].
-        leader: l, the immediate leader. A virtual one stands at the ramp's end, so it is never followed.
+        leader: l, the immediate leader. A virtual one stands at the ramp's end or farther: it is never followed.
         target: {l1, l2, f1, f2}, the neighbours in the target lane.
-        ramp_end: x_end [m].
+        ramp_end: x_end [m]; infinite where the lane goes on.
         mode: in paper mode virtual vehicles count as real ones.
     """
     p = nearest_ahead(x, target, mode=mode)
-    on_ramp = jnp.asarray(leader.x) < ramp_end
-    if mode is not Mode.PAPER:
-        on_ramp = on_ramp & jnp.asarray(leader.present)
+    on_ramp = (jnp.asarray(leader.x) < ramp_end) & jnp.asarray(leader.present)
     both = on_ramp & p.present
     alone = jnp.zeros_like(p.present) if mode is Mode.PAPER else on_ramp & ~jnp.asarray(p.present)
 

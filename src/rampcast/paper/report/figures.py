@@ -93,11 +93,12 @@ def setting_figures(site: Site) -> Iterator[FigureEntry]:
 
 
 def _site_figure(site: Site) -> FigureEntry:
+    end = "the ramp lane goes on" if site.ramp_goes_on else f"ramp end at {site.ramp_end:.0f} m"
     return FigureEntry(
         "5",
         f"The site: {site.title}",
         f"Drawn from the site file, to scale on each axis but not between them: {len(site.lanes)} lanes on "
-        f"{site.length:.0f} m, gore at {site.gore:.0f} m, ramp end at {site.ramp_end:.0f} m, speed limit "
+        f"{site.length:.0f} m, gore at {site.gore:.0f} m, {end}, speed limit "
         f"{site.speed_limit:.1f} m/s. The line between ramp and target lane is solid where it may not be crossed. "
         "Lanes beside the ramp are schematic.",
         (Panel("5", "", partial(site_geometry, site)),),

@@ -19,7 +19,9 @@ def stand_ins(site: Site, lane: Int[np.ndarray, "scene"]) -> Float[np.ndarray, "
     states = np.zeros((len(lane), len(SLOTS), len(FEATURES)))
     numbers, place = np.unique(lane, return_inverse=True)
     ramp_centre = np.array([site.lane_centre(int(number)) for number in numbers])[place]
-    states[:, :, X] = [0.0, site.ramp_end, VIRTUAL_BEHIND, VIRTUAL_AHEAD, VIRTUAL_AHEAD, VIRTUAL_BEHIND, VIRTUAL_BEHIND]
+    far = max(VIRTUAL_AHEAD, site.length)
+    end = far if np.isinf(site.ramp_end) else site.ramp_end  # the leader of a lane that goes on is as far as the others
+    states[:, :, X] = [0.0, end, VIRTUAL_BEHIND, VIRTUAL_AHEAD, VIRTUAL_AHEAD, VIRTUAL_BEHIND, VIRTUAL_BEHIND]
     states[:, :3, Y] = ramp_centre[:, None]
     states[:, 3:, Y] = site.lane_centre(site.target_lane)
     return states
