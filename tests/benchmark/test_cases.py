@@ -69,6 +69,39 @@ def test_an_event_is_followed_by_integrating_its_speed(tmp_path):
     assert cases.platoons.length[0, :2].tolist() == [0.0, 0.0]
 
 
+def whole_road(time_step: float, count: int) -> pl.DataFrame:
+    """Returns vehicles 1, 2 and 3 at 20 m/s in lane 1, 3 ahead, and vehicle 4 at 25 m/s in lane 2, in between."""
+    time = time_step * np.arange(count)
+    lanes = {1: (1, 0.0, 20.0), 2: (1, 30.0, 20.0), 3: (1, 70.0, 20.0), 4: (2, 20.0, 25.0)}
+    return pl.concat(
+        pl.DataFrame({"vehicle": vehicle, "frame": np.arange(count), "x": x + v * time, "lane": lane, "length": length})
+        for (vehicle, (lane, x, v)), length in zip(lanes.items(), (4.0, 5.0, 6.0, 7.0), strict=True)
+    )
+
+
+def test_a_platoon_at_30_hz_has_the_leaders_of_each_lane_at_every_second(tmp_path):
+    """600 frames are 20 s: 15 s of truth remain at 4 s, and not at 5 s. Lengths are not known, places are middles."""
+    table = whole_road(1 / 30, 600).drop("length")
+    cases = read("i75_platoon", table, tmp_path)
+    assert cases.case.tolist() == ["1-1-120", "1-2-120"]
+    assert cases.platoons.depth.tolist() == [2, 1]
+    np.testing.assert_allclose(cases.t0, 4.0)
+    np.testing.assert_allclose(cases.truth[0, [4, 74]], [20.0, 300.0], atol=1e-6)
+    np.testing.assert_allclose(cases.leader_truth[0, 4], 50.0, atol=1e-6)
+    np.testing.assert_allclose(cases.platoons.x[0, :2, -1], [82.25, 112.25], atol=1e-3)
+    assert np.isnan(cases.platoons.length).all()
+    np.testing.assert_allclose(cases.platoons.traffic[0, 0, 1:3], [20.0, 22.5], atol=1e-6)  # 0, 30, 40 and 70 m ahead
+
+
+def test_a_scene_at_25_hz_has_truth_as_far_as_seen_and_fronts_a_length_ahead_of_the_rears(tmp_path):
+    """150 frames are 6 s: 1 s of truth remains at 4 s. Then the rear of vehicle 1 is at 80 m, of vehicle 2 at 110 m."""
+    cases = read("i24_scene", whole_road(1 / 25, 150), tmp_path)
+    assert cases.case.tolist() == ["1-1-100", "1-2-100"]
+    np.testing.assert_allclose(cases.platoons.x[0, :2, -1], [84.0, 115.0], atol=1e-3)
+    np.testing.assert_allclose(cases.platoons.length[0, :2], [4.0, 5.0])
+    assert np.isfinite(cases.truth).sum(axis=1).tolist() == [9, 9]  # until frame 149, 1.96 s later
+
+
 def merge_table(count: int = 60) -> pl.DataFrame:
     """Returns a merging vehicle at 10 m/s among five others that are as fast; x of its front is -distance_to_end.
 
@@ -173,7 +206,7 @@ def test_cases_without_a_merge_know_of_none(cases):
 @pytest.mark.parametrize("rule", [{"test_numbers": [2]}, {"test_from_number": 3}])
 def test_no_vehicle_is_on_both_sides_of_a_split(cases, rule):
     sides = split(cases, {"i80_pairs_three_windows": rule})
-    train, test = (set(cases.group[rows].tolist()) for rows in (sides.train, sides.test))
+    ((train, test),) = ((set(side.group.tolist()) for side in part) for part in sides.parts)
     assert train
     assert test
     assert not train & test
@@ -181,11 +214,43 @@ def test_no_vehicle_is_on_both_sides_of_a_split(cases, rule):
 
 def test_a_split_by_time_leaves_out_what_lies_across_the_border(cases):
     """Frames of the first queue are 0 to 290, of the second 1000 to 1290."""
-    sides = split(cases, {"i80_pairs_three_windows": {"test_from_time": 100.0}})
-    assert cases.t0[sides.train].max() + WHOLE_TRUTH < 100.0 <= cases.t0[sides.test].min() - BEFORE
-    across = split(cases, {"i80_pairs_three_windows": {"test_from_time": 20.0}})
-    assert len(across.train) == 0  # every vehicle of the first queue has truth on both sides
-    assert set(across.test.tolist()) == set(sides.test.tolist())
+    ((train, test),) = split(cases, {"i80_pairs_three_windows": {"test_from_time": 100.0}}).parts
+    assert train.t0.max() + WHOLE_TRUTH < 100.0 <= test.t0.min() - BEFORE
+    ((across, others),) = split(cases, {"i80_pairs_three_windows": {"test_from_time": 20.0}}).parts
+    assert len(across) == 0  # every vehicle of the first queue has truth on both sides
+    assert set(others.case.tolist()) == set(test.case.tolist())
+
+
+def test_a_split_by_time_and_vehicle_cuts_the_truth_of_training_and_shows_no_vehicle_twice(cases):
+    """Vehicles 2 to 5 and 12 to 15 of each window; the lower ones train until 12 s, the others test from then on."""
+    rule = {"test_from_time": 12.0, "train_below_vehicle": 12}
+    ((train, test),) = split(cases, {"i80_pairs_three_windows": rule}).parts
+    assert set(train.group.tolist()) == {f"{window}-{vehicle}" for window in (1, 2, 3) for vehicle in (2, 3, 4, 5)}
+    assert set(test.group.tolist()) == {f"{window}-{vehicle}" for window in (1, 2, 3) for vehicle in (12, 13, 14, 15)}
+    left = 12.0 - train.t0
+    assert left.min() >= 1.0 - 1e-9
+    np.testing.assert_array_equal(np.isfinite(train.truth).sum(axis=1), np.minimum(np.floor(left / 0.2 + 1e-6), 75))
+    np.testing.assert_array_equal(np.isfinite(train.leader_truth), np.isfinite(train.truth))
+    np.testing.assert_allclose(train.seen_for, left)
+    assert test.t0.min() - BEFORE >= 12.0
+
+
+def test_in_parts_every_vehicle_tests_once_and_never_trains_its_own_model(cases):
+    parts = split(cases, {"i80_pairs_three_windows": {"parts": 5}}).parts
+    assert sorted(name for _, test in parts for name in test.case.tolist()) == sorted(cases.case.tolist())
+    for train, test in parts:
+        assert not set(train.group.tolist()) & set(test.group.tolist())
+        assert len(train) + len(test) == len(cases)
+
+
+def test_what_was_not_seen_until_a_border_is_not_known(merges):
+    """The merge of the case at index 5 comes 5.4 s later, that of index 45 after 1.4 s."""
+    clocked = replace(merges, t0=0.1 * np.array([int(name.split("-")[1]) for name in merges.case.tolist()]))
+    until = clocked.until(5.7)
+    assert until.case.tolist() == merges.case.tolist()[:9]
+    assert np.isnan([until.change_time, until.gap, until.place]).all()
+    whole = clocked.until(9.0)
+    np.testing.assert_array_equal(whole.change_time, merges.change_time[: len(whole)])
 
 
 def test_every_case_tests_in_one_fold_and_no_fold_trains_on_the_time_that_it_tests(cases):
@@ -221,7 +286,8 @@ def test_the_real_files_give_the_committed_splits(name, data_folder):
     cases = DATA_SETS[name].read(DATA_SETS[name].find(data_folder / "real"))
     sides = split(cases)
     assert sides.as_committed
-    assert not set(cases.group[sides.train].tolist()) & set(cases.group[sides.test].tolist())
+    for train, test in sides.parts:
+        assert not set(train.group.tolist()) & set(test.group.tolist())
     assert len(np.unique(cases.case)) == len(cases)
 
 

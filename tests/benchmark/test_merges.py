@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from rampcast.benchmark import Training, models
-from rampcast.benchmark.merges import TIME, joined_forecasts, median_time
+from rampcast.benchmark.merges import TIME, median_time
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecasters import merges
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.lane_change import forests
+from rampcast.traffic.around import joined
 from tests.benchmark import made_up_merges
 
 pytestmark = pytest.mark.slow
@@ -114,7 +115,7 @@ def test_forests_know_which_gap_suits_and_the_base_rate_does_not(forecasts, side
 
 def test_a_joint_forecast_is_that_of_its_parts(forecasts):
     whole = forecasts["forests"]
-    both = joined_forecasts([whole, whole])
+    both = joined([whole, whole])
     np.testing.assert_array_equal(both.p_within, np.concatenate([whole.p_within, whole.p_within]))
     assert both.gap is None
     np.testing.assert_array_equal(median_time(both.p_within), both.median_time)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.benchmark import Forecasts, Training, models
+from rampcast.benchmark import Forecasts, Training, forecast_cases, models
 from rampcast.benchmark.models import ORACLE, TIME, constant_velocity, oracle, relax_to_leader, with_bands
-from rampcast.benchmark.run import forecast_cases
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecasters import places
 from rampcast.models.correction import CorrectionSpec

@@ -24,7 +24,7 @@ def found(pairs_folder):
 def test_data_sets_without_files_are_left_out_and_named(found):
     assert list(found.record["data_sets"]) == ["i80_pairs_three_windows"]
     assert "no file hee_merge_pairs.parquet in" in found.record["left_out"]["hee_merge_pairs"]
-    assert len(found.record["left_out"]) == 6
+    assert len(found.record["left_out"]) == 8
 
 
 def test_one_folder_is_split_by_window_and_the_record_says_that_the_cases_are_not_the_committed_ones(found):

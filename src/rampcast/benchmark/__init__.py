@@ -2,6 +2,7 @@
 
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
+from rampcast.benchmark.forecasting import forecast_cases, forecast_merges
 from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
 from rampcast.benchmark.merges import MergeForecasts
 from rampcast.benchmark.metrics import case_table, score_table
@@ -10,8 +11,6 @@ from rampcast.benchmark.run import (
     Benchmark,
     benchmark,
     default_folder,
-    forecast_cases,
-    forecast_merges,
     run_benchmark,
     write_benchmark,
 )

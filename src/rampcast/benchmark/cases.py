@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from rampcast.horizon import FUTURE
+from rampcast.horizon import FUTURE, SAME_STEP, STEP
 from rampcast.recording.smoothing import HALF_WINDOW, SHORTEST_TRACK, smooth_tracks
 from rampcast.traffic.merge_scenes import MergeScenes, without_target
 from rampcast.traffic.platoons import Platoons, Tracks, platoons_of_tracks
@@ -14,6 +14,7 @@ BEFORE = 4.0  # [s] of history before the first anchor
 SPACING = 2.5  # [s] between anchors
 WHOLE_TRUTH = 15.0  # [s]
 LEAST_TRUTH = 1.0  # [s] where tracks are short: the first horizon that is scored
+TIME = np.arange(1, FUTURE + 1) * STEP  # [s] of the truth
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,22 @@ class Cases:
         arrays = {name: getattr(self, name)[rows] for name in _ARRAYS}
         return replace(self, scenes=self.scenes.select(rows), **arrays)
 
+    def until(self, border: float) -> "Cases":
+        """Returns the cases as if nothing had been seen after a time [s], without those that ask for nothing then."""
+        left = border - self.t0
+        unseen = TIME > left[:, None] + SAME_STEP
+        late = self.change_time > left
+        known = replace(
+            self,
+            truth=np.where(unseen, np.nan, self.truth),
+            leader_truth=np.where(unseen, np.nan, self.leader_truth),
+            seen_for=np.minimum(self.seen_for, left),
+            change_time=np.where(late, np.nan, self.change_time),
+            gap=np.where(late, np.nan, self.gap),
+            place=np.where(late, np.nan, self.place),
+        )
+        return known.select(left > LEAST_TRUTH - SAME_STEP)
+
 
 _ARRAYS = tuple(field.name for field in fields(Cases) if field.name not in ("data_set", "scenes"))
 
@@ -88,20 +105,27 @@ class Merges:
     gap: Float[np.ndarray, "case"]
 
 
-def regular_anchors(tracks: Tracks, *, least_truth: float = WHOLE_TRUTH) -> Int[np.ndarray, "case"]:
+def regular_anchors(
+    tracks: Tracks, *, spacing: float = SPACING, least_truth: float = WHOLE_TRUTH
+) -> Int[np.ndarray, "case"]:
     """Returns rows of the tracks: in each vehicle's longest gapless run that at 4.0 s after its beginning and then
-    every 2.5 s (at 10 Hz index 40, 65, 90 ...) as long as so much truth [s] remains.
+    every so many seconds (at 10 Hz index 40, 65, 90 ...) as long as so much truth [s] remains.
     """
-    first, spacing, truth = (int(duration / tracks.time_step + 1e-9) for duration in (BEFORE, SPACING, least_truth))
+    first, every, truth = (int(duration / tracks.time_step + 1e-9) for duration in (BEFORE, spacing, least_truth))
     starts, lengths = tracks.runs()
     order = np.lexsort((starts, -lengths, tracks.vehicle[starts]))
     _, longest = np.unique(tracks.vehicle[starts][order], return_index=True)
     chosen = order[longest]
     anchors = [
-        np.arange(start + first, start + length - truth, spacing)
+        np.arange(start + first, start + length - truth, every)
         for start, length in zip(starts[chosen], lengths[chosen], strict=True)
     ]
     return np.concatenate(anchors).astype(np.int64)
+
+
+def led(tracks: Tracks, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "case"]:
+    """Returns those of the rows whose vehicle has a leader."""
+    return rows[tracks.led[rows]]
 
 
 def make_cases(

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from jaxtyping import Int
 
-from rampcast.benchmark.cases import LEAST_TRUTH, Cases, make_cases, names, regular_anchors
+from rampcast.benchmark.cases import LEAST_TRUTH, Cases, led, make_cases, names, regular_anchors
 from rampcast.benchmark.merge_sets import TEN_HZ, hee_merge_pairs, simulated, us101_ramp_merges
+from rampcast.benchmark.whole_roads import i24_scene, i75_platoon
 from rampcast.formats import read_any
 from rampcast.sites import load_site
-from rampcast.traffic.platoons import Tracks, tracks_of_recording, tracks_of_table
+from rampcast.traffic.platoons import tracks_of_recording, tracks_of_table
 
 IDS = 100_000  # more than any vehicle number: window * IDS + vehicle is unique
 
@@ -66,7 +66,7 @@ def ngsim_car_following_events(files: Sequence[Path]) -> Cases:
         "frame", x=pl.col("x") + pl.col("gap"), vehicle=2 * pl.col("event") + 1, leader=pl.lit(None, pl.Int32)
     )
     tracks = tracks_of_table(pl.concat([follower, leader]).with_columns(length=0.0), time_step=TEN_HZ)
-    rows = _led(tracks, regular_anchors(tracks))
+    rows = led(tracks, regular_anchors(tracks))
     event = tracks.vehicle[rows] // 2
     return make_cases(
         "ngsim_car_following_events",
@@ -85,7 +85,7 @@ def us101_excerpts(files: Sequence[Path]) -> Cases:
     """
     recording, _ = read_any(list(files), site=load_site("us101"))
     tracks = tracks_of_recording(recording)
-    rows = _led(tracks, regular_anchors(tracks, least_truth=LEAST_TRUTH))
+    rows = led(tracks, regular_anchors(tracks, least_truth=LEAST_TRUTH))
     vehicle = recording.tracks["vehicle"].to_numpy()[rows]
     excerpt = vehicle // 1000  # Vehicle_ID = excerpt * 1000 + n
     return make_cases(
@@ -107,6 +107,8 @@ _TABLE = (
         companion="i80_pairs_three_windows",
     ),
     DataSet("ngsim_car_following_events", "ngsim_car_following_events.parquet", ngsim_car_following_events),
+    DataSet("i75_platoon", "i75_platoon.parquet", i75_platoon),
+    DataSet("i24_scene", "i24_scene.parquet", i24_scene),
     DataSet("us101_excerpts", "us101_excerpts.csv", us101_excerpts),
     DataSet("us101_ramp_merges", "us101_ramp_merges.parquet", us101_ramp_merges),
     DataSet("hee_merge_pairs", "hee_merge_pairs.parquet", hee_merge_pairs),
@@ -129,7 +131,7 @@ def _pair_cases(name: str, table: pl.DataFrame) -> Cases:
         pl.col("x").first(), pl.col("leader", "length").drop_nulls().first()
     )
     tracks = tracks_of_table(one.with_columns(road=pl.col("vehicle") // IDS), time_step=TEN_HZ)
-    rows = _led(tracks, regular_anchors(tracks))
+    rows = led(tracks, regular_anchors(tracks))
     in_window, vehicle = np.divmod(tracks.vehicle[rows], IDS)
     return make_cases(
         name,
@@ -144,7 +146,3 @@ def _pair_cases(name: str, table: pl.DataFrame) -> Cases:
 def _own_length(table: pl.DataFrame) -> pl.Expr:
     name = "length_follower"
     return pl.col(name) if name in table.columns else pl.lit(None, pl.Float64).alias(name)
-
-
-def _led(tracks: Tracks, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "case"]:
-    return rows[tracks.led[rows]]

@@ -15,6 +15,8 @@ DATA_SETS = {
     "i80_pairs_three_windows": ("I-80, three windows", Look(style.BLUE, "o", "-")),
     "i80_car_following_pairs": ("I-80, car-following pairs", Look(style.VERMILLION, "s", "-")),
     "ngsim_car_following_events": ("NGSIM, car-following events", Look(style.GREEN, "^", "-")),
+    "i75_platoon": ("I-75, platoon", Look(style.INDIGO, "p", "-")),
+    "i24_scene": ("I-24, scene", Look(style.GREY, "X", "--")),
     "us101_excerpts": ("US-101, excerpts", Look(style.SKY, "v", "--")),
     "us101_ramp_merges": ("US-101, ramp merges", Look(style.PURPLE, "D", "--")),
     "hee_merge_pairs": ("HEE, merge pairs", Look(style.ORANGE, "P", ":")),

@@ -47,11 +47,13 @@ class Outcomes:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Above what a model says "yes", by whole second: "within t", "at t" in balanced sets, and "at t" in all cases."""
+    """Above what a model says "yes" of each case, by whole second: "within t", and "at t" in balanced sets and in all
+    cases; one row where all cases share it.
+    """
 
-    within: Float[np.ndarray, "second"]
-    at_balanced: Float[np.ndarray, "second"]
-    at_natural: Float[np.ndarray, "second"]
+    within: Float[np.ndarray, "case second"]
+    at_balanced: Float[np.ndarray, "case second"]
+    at_natural: Float[np.ndarray, "case second"]
 
 
 def outcomes(cases: Cases) -> Outcomes:
@@ -81,7 +83,7 @@ def thresholds(became: Outcomes, forecast: MergeForecasts) -> Thresholds:
                 best_threshold(at, exact, natural),
             )
         )
-    return Thresholds(*np.array(found).T)
+    return Thresholds(*np.array(found).T[:, None])
 
 
 def merge_score_table(
@@ -190,11 +192,11 @@ def _second_row(
         share, low, high = bootstrap_ratio(terms, reference, became.group, draws)
         row |= {"brier_skill": 1.0 - share, "skill_low": 1.0 - high, "skill_high": 1.0 - low}
     row["best_accuracy"] = accuracy(within, changed, weight, threshold=best_threshold(within, changed, weight))
-    row["accuracy"] = accuracy(within, changed, weight, threshold=limits[model].within[second - 1])
+    row["accuracy"] = accuracy(within, changed, weight, threshold=limits[model].within[:, second - 1])
     exact, balanced, natural = _exact_sets(second, became)
     if exact.any() and (balanced[~exact] > 0.0).any():
-        row["exact_accuracy"] = accuracy(at, exact, balanced, threshold=limits[model].at_balanced[second - 1])
-        row["exact_accuracy_natural"] = accuracy(at, exact, natural, threshold=limits[model].at_natural[second - 1])
+        row["exact_accuracy"] = accuracy(at, exact, balanced, threshold=limits[model].at_balanced[:, second - 1])
+        row["exact_accuracy_natural"] = accuracy(at, exact, natural, threshold=limits[model].at_natural[:, second - 1])
     return row
 
 

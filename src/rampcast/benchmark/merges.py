@@ -4,18 +4,17 @@ A `fit` is given the training cases, futures and all, and returns a `predict`, w
 vehicle has been in the lane that it merges from.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from rampcast.benchmark.cases import Cases
+from rampcast.benchmark.cases import TIME, Cases
 from rampcast.benchmark.forest_features import forest_features
 from rampcast.benchmark.merge_metrics import HORIZON, whole_steps
-from rampcast.benchmark.models import TIME, Training
+from rampcast.benchmark.models import Training
 from rampcast.evaluate.survival import Survival, kaplan_meier
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecaster
 from rampcast.forecast.tables import TIMES
@@ -47,15 +46,6 @@ class MergeForecasts:
     median_time: Float[np.ndarray, "case"]
     gap: Float[np.ndarray, "case"] | None = None
     place: Float[np.ndarray, "case"] | None = None
-
-
-def joined_forecasts(parts: Sequence[MergeForecasts]) -> MergeForecasts:
-    """Returns the forecasts of one model for several parts of the cases together."""
-    values: dict[str, Any] = {}
-    for name in (field.name for field in fields(MergeForecasts)):
-        some = [getattr(part, name) for part in parts]
-        values[name] = None if some[0] is None else np.concatenate(some)
-    return MergeForecasts(**values)
 
 
 MergePredict = Callable[[MergeScenes, Float[np.ndarray, "case"]], MergeForecasts]

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 
-from rampcast.benchmark.cases import Cases
+from rampcast.benchmark.cases import TIME, Cases
 from rampcast.compute import jax
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
@@ -28,7 +28,6 @@ from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.platoons import HISTORY, Platoons, known_lengths
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-TIME = np.arange(1, FUTURE + 1) * STEP
 SPEED_LIMIT = 29.06  # [m/s] 65 mph, the limit of both NGSIM sites, where most cases come from
 LONGEST_RELAXATION = 60.0  # [s]; the search for the time constant ends here
 LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known

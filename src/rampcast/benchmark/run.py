@@ -14,22 +14,21 @@ import polars as pl
 
 from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
-from rampcast.benchmark.merge_tables import Thresholds, merge_case_table, merge_score_table, outcomes, thresholds
-from rampcast.benchmark.merges import MergeFit, MergeForecasts, MergePredict, joined_forecasts
+from rampcast.benchmark.forecasting import forecast_merge_parts, forecast_parts
+from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
+from rampcast.benchmark.merges import MergeFit
 from rampcast.benchmark.metrics import case_table, score_table
-from rampcast.benchmark.models import ORACLE, Fit, Forecasts, Training, oracle, with_bands
-from rampcast.benchmark.splits import folds, group_numbers, split
+from rampcast.benchmark.models import Fit, Training
+from rampcast.benchmark.splits import group_numbers, split
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
 from rampcast.forecast.protocol import Progress, tell_nobody
-from rampcast.forecasters import FORECASTERS, merges, places
+from rampcast.forecasters import merges, places
 from rampcast.simulate.shipped import shipped_sample
 from rampcast.traffic.around import joined
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
 PACKAGES = ("rampcast", "jax", "numpy", "scipy", "polars")
-FOLDS = 2  # of the forecasts by which the thresholds of models are chosen that know their training cases by heart
-MOST_FOR_THRESHOLDS = 1500  # training cases; a threshold needs no more
 
 
 @dataclass(frozen=True)
@@ -146,35 +145,6 @@ def _put_together(
     return Benchmark(**whole, record={"data_sets": record, "left_out": left_out} | versions)
 
 
-def forecast_cases(training: Training, test: Cases, *, models: Mapping[str, Fit]) -> dict[str, Forecasts]:
-    """Returns where every model, and the oracle, forecasts the test cases to be."""
-    train = training.longitudinal
-    forecasts = {}
-    for name, fit in models.items():
-        predict = fit(training)
-        found = predict(test.scenes)
-        own = found.quantiles is not None
-        forecasts[name] = found if own else with_bands(found, predict(train.scenes), train.truth)
-    tell = oracle(training)
-    of_train = tell(train.scenes, train.leader_truth)
-    forecasts[ORACLE] = with_bands(tell(test.scenes, test.leader_truth), of_train, train.truth)
-    return forecasts
-
-
-def forecast_merges(
-    training: Training, test: Cases, *, models: Mapping[str, MergeFit]
-) -> tuple[dict[str, MergeForecasts], dict[str, Thresholds]]:
-    """Returns when every model forecasts the test cases to merge, and the thresholds chosen on the training cases."""
-    forecasts, limits = {}, {}
-    for name, fit in models.items():
-        predict = fit(training)
-        forecasts[name] = predict(test.scenes, test.since_entry)
-        by_heart = name in FORECASTERS and FORECASTERS[name].by_heart
-        train, of_train = _for_thresholds(training, fit if by_heart else None, predict)
-        limits[name] = thresholds(outcomes(train), of_train)
-    return forecasts, limits
-
-
 def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> list[Path]:
     """Writes the tables (scores as csv too) and run.json to a folder and returns them; each whole or not."""
     out = Path(out)
@@ -202,64 +172,59 @@ def _scored(
     """Returns the tables of one data set, those of merges only where there are some on both sides; and for the record
     how it was split, and how many samples of each model overlap another vehicle.
     """
-    train, test, about = _sides(data_set, *files)
+    sides, about = _sides(data_set, *files)
     models = places() if models is None else models
     merge_models = merges() if merge_models is None else merge_models
-    training = Training(train)
-    forecasts = forecast_cases(training, test, models=models)
+    parts = [(Training(train), test) for train, test in sides]
+    test = joined([test for _, test in sides])
+    forecasts = forecast_parts(parts, models=models)
     tables = {"scores": score_table(test, forecasts), "cases": case_table(test, forecasts)}
     counts = {name: int(one.overlaps[:, -1].sum()) for name, one in forecasts.items() if one.overlaps is not None}
     about |= {"overlaps": counts} if counts else {}
-    merging = test.select(test.merging)
-    if not merge_models or not len(merging) or not train.merging.any():
+    merging = [(training, test.select(test.merging)) for training, test in parts]
+    if not merge_models or not all(len(test) and training.cases.merging.any() for training, test in merging):
         return tables, about
-    of_merges, limits = forecast_merges(training, merging, models=merge_models)
-    tables["merge_scores"] = merge_score_table(merging, of_merges, limits)
-    tables["merge_cases"] = merge_case_table(merging, of_merges)
+    of_merges, limits = forecast_merge_parts(merging, models=merge_models)
+    test = joined([test for _, test in merging])
+    tables["merge_scores"] = merge_score_table(test, of_merges, limits)
+    tables["merge_cases"] = merge_case_table(test, of_merges)
     return tables, about
-
-
-def _for_thresholds(training: Training, fit: MergeFit | None, predict: MergePredict) -> tuple[Cases, MergeForecasts]:
-    """Returns training cases, and forecasts for them; with `fit`, by models that were trained on the others."""
-    cases = training.merging
-    if fit is None:
-        cases = cases.select(np.arange(0, len(cases), -(-len(cases) // MOST_FOR_THRESHOLDS)))
-        return cases, predict(cases.scenes, cases.since_entry)
-    parts = []
-    for train, test in folds(cases, min(FOLDS, len(set(cases.group.tolist())))):
-        tests = cases.select(test)
-        model = fit(Training(cases.select(train))) if len(train) else predict
-        parts.append((tests, model(tests.scenes, tests.since_entry)))
-    return joined([part for part, _ in parts]), joined_forecasts([forecast for _, forecast in parts])
 
 
 def _shipped(data_set: DataSet, simulated: Sequence[Path]) -> list[Path]:
     return [Path(file) for file in simulated] if data_set.name == "simulated" else []
 
 
-def _sides(data_set: DataSet, training: Sequence[Path], testing: Sequence[Path]) -> tuple[Cases, Cases, dict[str, Any]]:
-    """Returns the cases to train on and to test on, and what the run record says of them."""
+def _sides(
+    data_set: DataSet, training: Sequence[Path], testing: Sequence[Path]
+) -> tuple[Sequence[tuple[Cases, Cases]], dict[str, Any]]:
+    """Returns the cases to train on and to test on, part by part, and what the run record says of them."""
     same = [file.resolve() for file in training] == [file.resolve() for file in testing]
     if same:
-        cases = data_set.read(training)
-        parts = split(cases)
-        sides = cases.select(parts.train), cases.select(parts.test)
-        how = "committed" if parts.as_committed else "by the committed rule, but the cases are other ones"
+        found = split(data_set.read(training))
+        sides = found.parts
+        how = "committed" if found.as_committed else "by the committed rule, but the cases are other ones"
     else:
-        sides = data_set.read(training), data_set.read(testing)
+        sides = ((data_set.read(training), data_set.read(testing)),)
         how = "folders"
-    train, test = sides
     companions = _companions(data_set, training[0].parent, sides, same=same)
     if companions is not None:
-        train = joined([train, companions])
+        sides = tuple((joined([train, companions]), test) for train, test in sides)
         how += f", with {len(companions)} training cases of {data_set.companion}"
-    groups = len(set(train.group.tolist())), len(set(test.group.tolist()))
-    about = {"split": how, "train": len(train), "test": len(test), "train_groups": groups[0], "test_groups": groups[1]}
-    merging = {f"{name}_merges": int(side.merging.sum()) for name, side in (("train", train), ("test", test))}
-    return train, test, about | (merging if any(merging.values()) else {})
+    return sides, {"split": how, "parts": len(sides)} | _sizes(sides)
 
 
-def _companions(data_set: DataSet, folder: Path, sides: tuple[Cases, Cases], *, same: bool) -> Cases | None:
+def _sizes(sides: Sequence[tuple[Cases, Cases]]) -> dict[str, int]:
+    """Returns how many cases, groups and merges train (of several parts, in the first) and test (in all)."""
+    train, test = sides[0][0], joined([test for _, test in sides])
+    of_both = {"train": train, "test": test}
+    sizes = {name: len(side) for name, side in of_both.items()}
+    sizes |= {f"{name}_groups": len(set(side.group.tolist())) for name, side in of_both.items()}
+    merging = {f"{name}_merges": int(side.merging.sum()) for name, side in of_both.items()}
+    return sizes | (merging if any(merging.values()) else {})
+
+
+def _companions(data_set: DataSet, folder: Path, sides: Sequence[tuple[Cases, Cases]], *, same: bool) -> Cases | None:
     """Returns the cases of the companion that train too; see `DataSet.companion`. None without any."""
     if data_set.companion is None:
         return None
@@ -269,7 +234,7 @@ def _companions(data_set: DataSet, folder: Path, sides: tuple[Cases, Cases], *, 
         return None
     cases = companion.read(files)
     if same:
-        cases = cases.select(split(cases).train)
-    own = np.concatenate([group_numbers(side) for side in sides])
+        cases = joined([train for train, _ in split(cases).parts])
+    own = np.concatenate([group_numbers(side) for part in sides for side in part])
     others = cases.select(~np.isin(group_numbers(cases), own))
     return others if len(others) else None

@@ -1,4 +1,4 @@
-"""Which cases train and which test: by vehicle and by time, fixed in benchmark_splits.toml beside this file."""
+"""Which cases train and which test: by vehicle and by time, fixed in splits.toml beside this file."""
 
 import hashlib
 import tomllib
@@ -18,16 +18,15 @@ FILE = Path(__file__).with_name("splits.toml")
 
 @dataclass(frozen=True)
 class Split:
-    """The two sides of a data set.
+    """How a data set is split.
 
     Attributes:
-        train, test: positions of their cases; a case that lies across the border is in neither.
-        as_committed: whether both hold exactly the groups whose hashes are in the committed file. Groups that ask for
+        parts: training and test cases; several where each vehicle tests once. What lies across a border is in neither.
+        as_committed: whether they hold exactly the groups whose hashes are in the committed file. Groups that ask for
             a merge alone, and not where the vehicle will be, do not count.
     """
 
-    train: Int[np.ndarray, "train"]
-    test: Int[np.ndarray, "test"]
+    parts: tuple[tuple[Cases, Cases], ...]
     as_committed: bool
 
 
@@ -35,31 +34,41 @@ def split(cases: Cases, rules: Mapping[str, Mapping[str, Any]] | None = None) ->
     """Returns the split of a data set by its rule.
 
     The rules are: `test_numbers`, groups whose name begins with one of these numbers (a window) test, all others train;
-    `test_from_number`, groups whose number is at least this test; `test_from_time`, a group trains when the truth of
-    all its cases ends before that time [s], and tests when the history of all its cases begins after it.
+    `test_from_number`, groups whose number is at least this test; `parts`, the groups are dealt out in turn to so many
+    parts, each of which tests once, while all others train; `test_from_time`, a group trains when the truth of all its
+    cases ends before that time [s], and tests when the history of all its cases begins after it; this with
+    `train_below_vehicle`, vehicles below that number train with what was seen before that time, and all others test
+    with the cases whose history begins after it.
 
     Args:
         cases: of one data set.
         rules: by name of the data set; default: the committed ones.
     """
     rule = (committed_rules() if rules is None else rules)[cases.data_set]
-    number = group_numbers(cases)
-    if "test_numbers" in rule:
-        test = np.isin(number, rule["test_numbers"])
-        train = ~test
-    elif "test_from_number" in rule:
-        test = number >= rule["test_from_number"]
-        train = ~test
-    else:
+    parts = _parts(cases, rule)
+    hashes = tuple(
+        group_hash(np.concatenate([part[side].group[part[side].longitudinal] for part in parts])) for side in (0, 1)
+    )
+    return Split(parts, hashes == (rule.get("train_sha256"), rule.get("test_sha256")))
+
+
+def _parts(cases: Cases, rule: Mapping[str, Any]) -> tuple[tuple[Cases, Cases], ...]:
+    if "parts" in rule:
+        number = _numbers(cases.group) % rule["parts"]
+        return tuple((cases.select(number != part), cases.select(number == part)) for part in range(number.max() + 1))
+    if "train_below_vehicle" in rule:
+        border = rule["test_from_time"]
+        vehicle = np.array([int(name.split("-")[-1]) for name in cases.group.tolist()], dtype=np.int64)
+        early = cases.select(vehicle < rule["train_below_vehicle"]).until(border)
+        late = (cases.t0 - BEFORE >= border) & ~np.isin(cases.group, early.group)
+        return ((early, cases.select(late)),)
+    if "test_from_time" in rule:
         border = rule["test_from_time"]
         train = _all_of_group(cases.group, cases.t0 + WHOLE_TRUTH < border)
-        test = _all_of_group(cases.group, cases.t0 - BEFORE >= border)
-    hashes = tuple(group_hash(cases.group[side & cases.longitudinal]) for side in (train, test))
-    return Split(
-        train=np.flatnonzero(train),
-        test=np.flatnonzero(test),
-        as_committed=hashes == (rule.get("train_sha256"), rule.get("test_sha256")),
-    )
+        return ((cases.select(train), cases.select(_all_of_group(cases.group, cases.t0 - BEFORE >= border))),)
+    number = group_numbers(cases)
+    test = np.isin(number, rule["test_numbers"]) if "test_numbers" in rule else number >= rule["test_from_number"]
+    return ((cases.select(~test), cases.select(test)),)
 
 
 def folds(cases: Cases, count: int) -> list[tuple[Int[np.ndarray, "train"], Int[np.ndarray, "test"]]]:
@@ -89,5 +98,12 @@ def group_hash(groups: Shaped[np.ndarray, "case"]) -> str:
 
 def _all_of_group(group: Shaped[np.ndarray, "case"], holds: Bool[np.ndarray, "case"]) -> Bool[np.ndarray, "case"]:
     """Returns, for each case, whether something holds for all cases of its group."""
-    _, number = np.unique(group, return_inverse=True)
+    number = _numbers(group)
     return ~(np.bincount(number, weights=~holds) > 0)[number]
+
+
+def _numbers(group: Shaped[np.ndarray, "case"]) -> Int[np.ndarray, "case"]:
+    """Returns the number of each case's group, in the order of the numbers in their names."""
+    names = sorted(set(group.tolist()), key=lambda name: [int(part) for part in name.split("-")])
+    number = {name: k for k, name in enumerate(names)}
+    return np.array([number[name] for name in group.tolist()], dtype=np.int64)

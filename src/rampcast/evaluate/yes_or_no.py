@@ -28,8 +28,8 @@ def accuracy(
     positive: Bool[np.ndarray, "case"],
     weight: Float[np.ndarray, "case"],
     *,
-    threshold: float,
+    threshold: float | Float[np.ndarray, "one_or_case"],
 ) -> float:
-    """Returns the weighted share of cases in which "yes" is said above the threshold and true, or neither."""
+    """Returns the weighted share of cases in which "yes" is said above the (case's) threshold and true, or neither."""
     right = (score > threshold) == positive
     return float((weight * right).sum() / weight.sum()) if weight.any() else float("nan")
