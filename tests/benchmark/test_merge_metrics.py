@@ -15,7 +15,7 @@ from rampcast.benchmark.merge_metrics import (
     one_per_vehicle,
 )
 from rampcast.benchmark.merges import TIME, median_time
-from rampcast.benchmark.metrics import bootstrap_ratio, group_draws
+from rampcast.evaluate.bootstrap import resampling
 from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 
 RNG = np.random.default_rng(5)
@@ -106,7 +106,7 @@ def test_harrells_c_is_one_half_for_chance_and_that_of_a_loop():
                 one += 1.0 if predicted[i] < predicted[j] else 0.5 if predicted[i] == predicted[j] else 0.0
     assert comparable.sum() == pairs
     assert right.sum() == pytest.approx(one)
-    inside = c_index_draws(right, comparable, group_draws(40))
+    inside = c_index_draws(right, comparable, resampling(np.arange(40)).draws)
     assert np.quantile(inside, 0.025) < c_index(right, comparable) < np.quantile(inside, 0.975)
 
 
@@ -180,9 +180,3 @@ def test_a_vehicle_with_more_cases_weighs_no_more():
     weight = one_per_vehicle(np.array([True, True, True, False]), np.array([0, 0, 1, 2]))
     np.testing.assert_allclose(weight, [0.25, 0.25, 0.5, 0.0])
     assert one_per_vehicle(np.full(2, False), np.array([0, 1])).tolist() == [0.0, 0.0]
-
-
-def test_the_ratio_of_errors_that_are_all_half_as_large_is_a_half():
-    errors = RNG.uniform(1.0, 3.0, 60)
-    ratio, low, high = bootstrap_ratio(errors / 2, errors, np.repeat(np.arange(20), 3), group_draws(20))
-    assert (ratio, low, high) == pytest.approx((0.5, 0.5, 0.5))

@@ -1,21 +1,15 @@
 """The metrics against plain loops and closed forms, and the tables made of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
 from scipy.stats import norm
 
-from rampcast.benchmark.metrics import (
-    bootstrap_mean,
-    case_table,
-    coverage,
-    crps_of_quantiles,
-    gap_closed,
-    group_draws,
-    pit_histogram,
-    score_table,
-)
+from rampcast.benchmark.metrics import coverage, crps_of_quantiles, gap_closed, pit_histogram
 from rampcast.benchmark.models import LEVELS, Forecasts
+from rampcast.benchmark.place_tables import case_table, score_table, time_blocks
 
 RNG = np.random.default_rng(3)
 
@@ -40,21 +34,8 @@ def test_calibrated_quantiles_have_a_flat_pit_and_cover_what_they_say():
 
 
 def test_the_reference_closes_nothing_of_the_gap_and_the_oracle_all_of_it():
-    assert gap_closed(18.0, reference=18.0, oracle=4.0) == 0.0
-    assert gap_closed(4.0, reference=18.0, oracle=4.0) == 1.0
-    assert gap_closed(11.0, reference=18.0, oracle=4.0) == 0.5
-    assert np.isnan(gap_closed(11.0, reference=4.0, oracle=4.0))
-
-
-def test_a_bootstrap_by_group_is_wider_than_one_by_case_when_the_cases_of_a_vehicle_are_alike():
-    group = np.repeat(np.arange(20), 30)
-    values = np.repeat(RNG.normal(size=20), 30)
-    low, high = bootstrap_mean(values, group, group_draws(20))
-    narrow_low, narrow_high = bootstrap_mean(values, np.arange(600), group_draws(600))
-    assert low < values.mean() < high
-    assert high - low > 4.0 * (narrow_high - narrow_low)
-    standard_error = values.reshape(20, 30)[:, 0].std() / np.sqrt(20)
-    assert high - low == pytest.approx(2 * 1.96 * standard_error, rel=0.15)
+    error, reference = np.array([18.0, 4.0, 11.0, 11.0]), np.array([18.0, 18.0, 18.0, 4.0])
+    np.testing.assert_array_equal(gap_closed(error, reference, np.full(4, 4.0)), [0.0, 1.0, 0.5, np.nan])
 
 
 @pytest.fixture
@@ -83,7 +64,7 @@ def test_the_table_of_scores_has_what_a_loop_finds(cases, forecasts):
     assert (row["within_5"], row["within_10"], row["error_low"], row["error_high"]) == pytest.approx((1, 1, 2.5, 2.5))
     assert (row["coverage_50"], row["coverage_90"], row["width_50"], row["width_90"]) == pytest.approx((1, 1, 3, 9))
     assert row["pit_25_50"] == 1.0
-    assert row["gap_closed"] == pytest.approx(0.5)
+    assert (row["gap_closed"], row["gap_closed_low"], row["gap_closed_high"]) == pytest.approx((0.5, 0.5, 0.5))
     crps = 2 * sum(
         width * max(level * -offset, (level - 1) * -offset)
         for level, width, offset in zip(
@@ -93,6 +74,49 @@ def test_the_table_of_scores_has_what_a_loop_finds(cases, forecasts):
     assert row["crps"] == pytest.approx(crps)
     assert sorted(table["depth"].unique()) == [0, 1, 2, 3, 4]
     assert sorted(table["horizon"].unique()) == list(range(1, 16))
+
+
+def test_an_oracle_that_another_beats_is_no_floor(cases, forecasts):
+    better = score_table(cases, forecasts | {"best": Forecasts(cases.truth + 0.5)})
+    assert better["gap_closed"].is_null().all()
+
+
+def test_who_is_nearer_than_constant_velocity_in_every_draw_is_better_until_he_is_not(cases):
+    """At 1 to 7 s 1 m off instead of 2 m, from 8 s on 3 m."""
+    error = np.where(np.arange(75) < 37, 1.0, 3.0)
+    table = score_table(
+        cases, {"constant_velocity": Forecasts(cases.truth + 2.0), "other": Forecasts(cases.truth + error)}
+    ).filter((pl.col("model") == "other") & (pl.col("depth") == 0))
+    assert table["better"].to_list() == table["better_until"].to_list() == [1.0] * 7 + [0.0] * 8
+    late = score_table(
+        cases, {"constant_velocity": Forecasts(cases.truth + 2.0), "other": Forecasts(cases.truth + error[::-1])}
+    ).filter((pl.col("model") == "other") & (pl.col("depth") == 0))
+    assert late["better"].to_list() == [0.0] * 7 + [1.0] * 8
+    assert late["better_until"].to_list() == [0.0] * 15
+
+
+def test_samples_are_scored_together_and_so_are_their_gaps_to_the_leader(cases):
+    """Two samples 1 m short of the truth and 1 m beyond: CRPS 1 - 1 = 0, and so at all seconds together."""
+    truth = cases.truth[:, 4::5]
+    samples = np.stack([truth - 1.0, truth + 1.0], axis=1)
+    gap = cases.leader_truth[:, 4::5] - truth - 4.8
+    gaps = np.stack([gap - 2.0, gap - 1.0], axis=1)
+    found = score_table(cases, {"other": Forecasts(cases.truth, samples=samples, gaps=gaps)}).filter(
+        pl.col("depth") == 0
+    )
+    np.testing.assert_allclose(found["energy"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(found["gap_crps"], 1.5 - 0.5, atol=1e-9)  # E|X - y| = 1.5, E|X - X'| = 1
+    assert found["gap_coverage_90"].to_list() == [0.0] * 15
+    assert found["gap_pit_deviation"].to_list() == pytest.approx([0.9] * 15)
+    assert found["gap_n"].to_list() == [len(cases)] * 15
+    point = score_table(cases, {"other": Forecasts(cases.truth + 3.0)})
+    np.testing.assert_allclose(point["energy"], 3.0)
+
+
+def test_blocks_of_time_are_half_a_minute_of_a_window(cases):
+    """The two queues of each of three windows begin at 0 and 100 s; cases are 4 to 14 s later."""
+    assert len(np.unique(time_blocks(cases))) == 6
+    assert len(np.unique(time_blocks(replace(cases, t0=np.full(len(cases), np.nan))))) == 1
 
 
 def test_what_is_not_known_is_null_in_the_table(cases, forecasts):

@@ -5,8 +5,8 @@ from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.forecasting import forecast_cases, forecast_merges
 from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
 from rampcast.benchmark.merges import MergeForecasts
-from rampcast.benchmark.metrics import case_table, score_table
 from rampcast.benchmark.models import Forecasts, Training
+from rampcast.benchmark.place_tables import case_table, score_table
 from rampcast.benchmark.run import (
     Benchmark,
     benchmark,

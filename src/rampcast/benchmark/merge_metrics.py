@@ -80,7 +80,7 @@ def c_index_draws(
     comparable: Float[np.ndarray, "group group"],
     draws: Int[np.ndarray, "draw group"],
 ) -> Float[np.ndarray, "drawn"]:
-    """Returns Harrell's C of each draw of whole groups; see `group_draws`."""
+    """Returns Harrell's C of each draw of whole groups; see `evaluate.bootstrap`."""
     ordered, pairs = (np.einsum("dg,dg->d", draws @ counts, draws) for counts in (right, comparable))
     return ordered[pairs > 0] / pairs[pairs > 0]
 

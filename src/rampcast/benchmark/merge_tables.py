@@ -1,6 +1,6 @@
 """The tidy tables of merge forecasts: scores, and every single forecast."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,9 @@ from rampcast.benchmark.merge_metrics import (
     known_outcomes,
     one_per_vehicle,
 )
-from rampcast.benchmark.merges import BASE_RATE, MERGE_REFERENCE, MergeForecasts
-from rampcast.benchmark.metrics import bootstrap_mean, bootstrap_ratio, group_draws, interval
+from rampcast.benchmark.merges import BASE_RATE, MERGE_REFERENCE, NATURAL, MergeForecasts
+from rampcast.benchmark.place_tables import time_blocks
+from rampcast.evaluate.bootstrap import Resampling, ways_to_draw, widest
 from rampcast.evaluate.yes_or_no import accuracy, best_threshold
 from rampcast.horizon import STEPS_PER_SECOND
 
@@ -31,18 +32,24 @@ TIME_COLUMNS = (
     *("c_index", "c_index_low", "c_index_high", "crps", "gap_accuracy", "place_error"),
 )
 SECOND_COLUMNS = (
-    *("merged", "brier", "brier_skill", "skill_low", "skill_high", "calibration_error"),
+    *("merged", "brier", "brier_skill", "skill_low", "skill_high"),
+    *("skill_over_forests", "over_forests_low", "over_forests_high", "calibration_error"),
     *("accuracy", "best_accuracy", "exact_accuracy", "exact_accuracy_natural"),
 )
+SKILLS = {  # columns of 1 less the ratio of Brier scores to that of a model, with its interval
+    BASE_RATE: ("brier_skill", "skill_low", "skill_high"),
+    NATURAL: ("skill_over_forests", "over_forests_low", "over_forests_high"),
+}
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What became of the cases, and their vehicles by number; see `merge_metrics`."""
+    """What became of the cases, and their vehicles and blocks of time by number; see `merge_metrics`."""
 
     time: Float[np.ndarray, "case"]
     ended: Bool[np.ndarray, "case"]
     group: Int[np.ndarray, "case"]
+    block: Int[np.ndarray, "case"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,8 @@ def outcomes(cases: Cases) -> Outcomes:
     """Returns the outcomes of merge cases."""
     ended = np.isfinite(cases.change_time)
     _, group = np.unique(cases.group, return_inverse=True)
-    return Outcomes(np.where(ended, cases.change_time, cases.seen_for), ended, group.astype(np.int64))
+    time = np.where(ended, cases.change_time, cases.seen_for)
+    return Outcomes(time, ended, group.astype(np.int64), time_blocks(cases))
 
 
 def thresholds(became: Outcomes, forecast: MergeForecasts) -> Thresholds:
@@ -100,10 +108,10 @@ def merge_score_table(
         limits: likewise.
     """
     became = outcomes(cases)
-    draws = group_draws(int(became.group.max()) + 1)
-    rows = [_time_row(cases, became, forecasts, model, draws) for model in forecasts]
+    ways = ways_to_draw(became.group, became.block)
+    rows = [_time_row(cases, became, forecasts, model, ways) for model in forecasts]
     for second in SECONDS:
-        rows += [_second_row(became, forecasts, limits, model, second, draws) for model in forecasts]
+        rows += [_second_row(became, forecasts, limits, model, second, ways) for model in forecasts]
     columns = ("horizon", "model", "n", "groups", *TIME_COLUMNS, *SECOND_COLUMNS)
     schema = dict.fromkeys(columns, pl.Float64) | {"model": pl.String, "n": pl.Int64, "groups": pl.Int64}
     table = pl.DataFrame(rows, schema=schema, strict=False)
@@ -142,23 +150,23 @@ def _time_row(
     became: Outcomes,
     forecasts: Mapping[str, MergeForecasts],
     model: str,
-    draws: Int[np.ndarray, "draw group"],
+    ways: Sequence[Resampling],
 ) -> dict[str, object]:
     forecast = forecasts[model]
     soon = np.flatnonzero(became.ended & (became.time <= HORIZON))
     row: dict[str, object] = {"model": model, "n": len(soon), "groups": len(np.unique(became.group[soon]))}
     row["crps"] = float(crps_of_times(forecast.p_within, became.time, became.ended).mean())
-    right, comparable = concordance(forecast.median_time, became.time, became.ended, became.group)
-    row["c_index"] = c_index(right, comparable)
-    row |= dict(zip(("c_index_low", "c_index_high"), interval(c_index_draws(right, comparable, draws)), strict=True))
+    pairs = [concordance(forecast.median_time, became.time, became.ended, way.group) for way in ways]
+    row["c_index"] = c_index(*pairs[0])
+    drawn = [c_index_draws(*counts, way.draws) for counts, way in zip(pairs, ways, strict=True)]
+    row |= dict(zip(("c_index_low", "c_index_high"), widest(drawn), strict=True))
     if not len(soon):
         return row
-    group = became.group[soon]
-    errors = {name: np.abs(one.median_time[soon] - became.time[soon]) for name, one in forecasts.items()}
-    row["time_error"] = float(errors[model].mean())
-    row |= dict(zip(("time_error_low", "time_error_high"), bootstrap_mean(errors[model], group, draws), strict=True))
-    if MERGE_REFERENCE in errors:
-        found = bootstrap_ratio(errors[model], errors[MERGE_REFERENCE], group, draws)
+    error = _time_errors(forecast, became)
+    row["time_error"] = float(np.nanmean(error))
+    row |= dict(zip(("time_error_low", "time_error_high"), widest([way.means(error) for way in ways]), strict=True))
+    if MERGE_REFERENCE in forecasts:
+        found = _ratio(error, _time_errors(forecasts[MERGE_REFERENCE], became), ways)
         row |= dict(zip(("time_error_ratio", "ratio_low", "ratio_high"), found, strict=True))
     if forecast.gap is not None:
         row["gap_accuracy"] = float(np.mean(forecast.gap[soon] == cases.gap[soon]))
@@ -167,13 +175,28 @@ def _time_row(
     return row
 
 
+def _time_errors(forecast: MergeForecasts, became: Outcomes) -> Float[np.ndarray, "case"]:
+    """Returns the absolute errors of the median times [s]; NaN where no merge within 15 s was seen."""
+    soon = became.ended & (became.time <= HORIZON)
+    return np.where(soon, np.abs(forecast.median_time - became.time), np.nan)
+
+
+def _ratio(
+    values: Float[np.ndarray, "case"], others: Float[np.ndarray, "case"], ways: Sequence[Resampling]
+) -> tuple[float, float, float]:
+    """Returns the ratio of two means and the ends of its interval; NaN where the second is 0."""
+    below = float(np.nanmean(others))
+    low, high = widest([way.ratios(values, others) for way in ways])
+    return float(np.nanmean(values)) / below if below > 0 else float("nan"), float(low), float(high)
+
+
 def _second_row(
     became: Outcomes,
     forecasts: Mapping[str, MergeForecasts],
     limits: Mapping[str, Thresholds],
     model: str,
     second: int,
-    draws: Int[np.ndarray, "draw group"],
+    ways: Sequence[Resampling],
 ) -> dict[str, object]:
     step = second * STEPS_PER_SECOND - 1
     changed, weight = known_outcomes(float(second), became.time, became.ended)
@@ -187,10 +210,11 @@ def _second_row(
     row["merged"] = float((weight * changed).sum() / weight.sum())
     row["brier"] = float(terms.mean())
     row["calibration_error"] = calibration_error(within, changed, weight)
-    if BASE_RATE in forecasts:
-        reference = brier_terms(forecasts[BASE_RATE].p_within[:, step], changed, weight)
-        share, low, high = bootstrap_ratio(terms, reference, became.group, draws)
-        row |= {"brier_skill": 1.0 - share, "skill_low": 1.0 - high, "skill_high": 1.0 - low}
+    for reference, names in SKILLS.items():
+        if reference in forecasts:
+            others = brier_terms(forecasts[reference].p_within[:, step], changed, weight)
+            share, low, high = _ratio(terms, others, ways)
+            row |= dict(zip(names, (1.0 - share, 1.0 - high, 1.0 - low), strict=True))
     row["best_accuracy"] = accuracy(within, changed, weight, threshold=best_threshold(within, changed, weight))
     row["accuracy"] = accuracy(within, changed, weight, threshold=limits[model].within[:, second - 1])
     exact, balanced, natural = _exact_sets(second, became)

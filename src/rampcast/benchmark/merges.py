@@ -99,6 +99,7 @@ def scene_forecaster(training: Training) -> MergePredict:
 
 MERGE_REFERENCE = "kaplan_meier"  # to which the errors of times are compared
 BASE_RATE = "base_rate"  # to which Brier scores are compared
+NATURAL = "forests_natural"  # likewise
 
 
 def median_time(p_within: Float[np.ndarray, "case step"]) -> Float[np.ndarray, "case"]:

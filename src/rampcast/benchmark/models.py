@@ -16,7 +16,7 @@ from rampcast.benchmark.cases import TIME, Cases
 from rampcast.compute import jax
 from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
-from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.horizon import FUTURE, PAST, STEP, STEPS_PER_SECOND
 from rampcast.models.pooled_driver import fit_pooled_driver, follow_true_leader, roll_chain
 from rampcast.paper.algorithm_1 import follow
 from rampcast.paper.calibration.calibration import calibrate
@@ -27,6 +27,7 @@ from rampcast.paper.neighbours.windows import WINDOW
 from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.platoons import HISTORY, Platoons, known_lengths
 
+SECONDS = np.arange(STEPS_PER_SECOND - 1, FUTURE, STEPS_PER_SECOND)  # steps that are scored
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 SPEED_LIMIT = 29.06  # [m/s] 65 mph, the limit of both NGSIM sites, where most cases come from
 LONGEST_RELAXATION = 60.0  # [s]; the search for the time constant ends here
@@ -47,11 +48,16 @@ class Forecasts:
         quantiles: of it, at `LEVELS` [m]; None for a model that gives a number only.
         overlaps: how many samples of each case overlap another vehicle at that step or before; None for a model that
             does not sample.
+        samples: of x at whole seconds [m]; None likewise.
+        gaps: of the net gap to the leader that it has at t = 0, in the same samples [m]; NaN where it has none or may
+            leave it. None likewise.
     """
 
     x: Float[np.ndarray, "case step"]
     quantiles: Float[np.ndarray, "case step quantile"] | None = None
     overlaps: Int[np.ndarray, "case step"] | None = None
+    samples: Float[np.ndarray, "case sample second"] | None = None
+    gaps: Float[np.ndarray, "case sample second"] | None = None
 
 
 @dataclass(frozen=True)
@@ -165,6 +171,7 @@ def oracle(training: Training) -> OraclePredict:
     return lambda scenes, leader_truth: Forecasts(follow_true_leader(parameters, scenes.own, leader_truth))
 
 
+PLAINEST = "constant_velocity"  # what every model is compared with
 ORACLE = "oracle"
 REFERENCE = "chain_1"  # one leader at constant speed; it closes none of the gap to the oracle, by definition
 
@@ -214,7 +221,16 @@ def _scene_forecast(model: SceneForecaster, scenes: MergeScenes) -> Forecasts:
     counts = overlaps(
         found.samples, leader_rear=found.leader_rear, follower_front=found.follower_front, length=found.length
     )
-    return Forecasts(found.median.astype(float), found.quantiles_at(*LEVELS).astype(float), counts)
+    samples = found.samples[:, :, SECONDS].astype(float)
+    gaps = found.leader_rear[:, :, SECONDS].astype(float) - samples
+    stays = scenes.own.present[:, 1] & ~scenes.may_merge
+    return Forecasts(
+        x=found.median.astype(float),
+        quantiles=found.quantiles_at(*LEVELS).astype(float),
+        overlaps=counts,
+        samples=samples,
+        gaps=np.where(stays[:, None, None], gaps, np.nan),
+    )
 
 
 def _speed(platoons: Platoons) -> Float[np.ndarray, "case"]:

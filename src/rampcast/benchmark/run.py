@@ -17,8 +17,8 @@ from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.forecasting import forecast_merge_parts, forecast_parts
 from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
 from rampcast.benchmark.merges import MergeFit
-from rampcast.benchmark.metrics import case_table, score_table
 from rampcast.benchmark.models import Fit, Training
+from rampcast.benchmark.place_tables import case_table, score_table
 from rampcast.benchmark.splits import group_numbers, split
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
