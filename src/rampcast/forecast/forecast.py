@@ -5,13 +5,14 @@ from functools import cached_property
 
 import numpy as np
 import polars as pl
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Int, Shaped
 
 from rampcast.forecast.conflicts import Conflicts, conflicts
 from rampcast.forecast.scene_forecaster import GAPS, SceneForecast
 from rampcast.forecast.tables import BANDS, TIMES, keys, lane_change_table, position_table
 from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.notebook import html_table
+from rampcast.sites.site import NO_LANE
 
 NAME = "rampcast"  # in the column "model" of every table
 
@@ -47,6 +48,11 @@ class Forecast:
             "futures": f"{self.scene.samples.shape[1]} of {FUTURE * STEP:g} s for each",
         }
         return html_table("Forecast", rows)
+
+    @property
+    def lane(self) -> Int[np.ndarray, "scene"]:
+        """Returns that the lanes are not known."""
+        return np.full(len(self), NO_LANE)
 
     @cached_property
     def x(self) -> dict[str, Float[np.ndarray, "scene future"]]:
@@ -89,7 +95,7 @@ class Forecast:
         }
 
     def position_table(self) -> pl.DataFrame:
-        """Returns the columns recording, vehicle, t0 [s], horizon [s], x [m], model, and quantiles of x [m]."""
+        """Returns the columns recording, vehicle, t0 [s], lane, horizon [s], x [m], model, and quantiles of x [m]."""
         return position_table(self)
 
     def lane_change_table(self) -> pl.DataFrame:

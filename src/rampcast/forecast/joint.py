@@ -10,7 +10,9 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from rampcast.errors import RampcastError
 from rampcast.forecast.encounters import Conflicts, conflicts, shares_by
+from rampcast.forecast.forecasts import Forecasts, conflict_columns
 from rampcast.forecast.leaders import NOBODY, merge_gaps
+from rampcast.forecast.tables import BANDS, moment
 from rampcast.horizon import STEP
 from rampcast.notebook import html_table
 from rampcast.sites import Site
@@ -181,15 +183,25 @@ class Forecast:
         null where nobody is. What is missing to 1 is the probability not to merge.
         """
         row, sample = np.nonzero(self.merge_step < self.samples.shape[2])
-        ahead, behind, number = (part[row, sample] for part in self.gap_sides)
-        found = pl.DataFrame({"row": row, "gap": number, "ahead": ahead, "behind": behind})
-        counted = found.group_by("row", "gap", "ahead", "behind").agg(p=pl.len() / self.samples.shape[1])
-        ids = pl.Series("vehicle", self.vehicle)
-        named = [_named(ids, counted[name]).alias(name) for name in ("ahead", "behind")]
-        order = ["row", "p", "gap", "ahead", "behind"]
-        rows = counted.with_columns(pl.Series("vehicle", _named(ids, counted["row"])), *named)
-        chosen = rows.sort(order, descending=[False, True, False, False, False])
-        return chosen.select("vehicle", "gap", "ahead", "behind", "p")
+        sides = np.stack([row, *(part[row, sample] for part in self.gap_sides)], axis=1)
+        cases, count = np.unique(sides, axis=0, return_counts=True)
+        order = np.lexsort((-count, cases[:, 0]))
+        row, ahead, behind, number = cases[order].T
+        return pl.DataFrame(
+            {
+                "vehicle": self._ids(row),
+                "gap": number,
+                "ahead": self._ids(ahead),
+                "behind": self._ids(behind),
+                "p": count[order] / self.samples.shape[1],
+            }
+        )
+
+    def _ids(self, places: Int[np.ndarray, "case"]) -> pl.Series:
+        """Returns the ids at those places, null for `NOBODY`."""
+        return pl.Series(self.vehicle).gather(
+            pl.Series([place if place != NOBODY else None for place in places.tolist()], dtype=pl.UInt32)
+        )
 
     @cached_property
     def conflicts(self) -> Conflicts:
@@ -204,6 +216,35 @@ class Forecast:
             ahead=ahead,
             behind=behind,
         )
+
+    def reduced(self, rows: Int[np.ndarray, "scene"] | None = None, *, recording: str | None = None) -> Forecasts:
+        """Returns what tables tell of some vehicles, without the samples.
+
+        Args:
+            rows: their places in `vehicle`; None for all.
+            recording: name of the window; None for the site's.
+        """
+        rows = np.arange(len(self)) if rows is None else rows
+        window = recording or self.site.name
+        gaps = self.gap.filter(pl.col("vehicle").is_in(self.vehicle[rows].tolist()))
+        return Forecasts(
+            recording=np.full(len(rows), window),
+            vehicle=self.vehicle[rows],
+            t0=np.full(len(rows), self.t0),
+            start=self.start[rows],
+            lane=self.start_lane[rows],
+            on_ramp=self.on_ramp[rows],
+            quantiles=self.quantiles(tuple(BANDS.values()))[rows].astype(np.float32),
+            p_merged=self.p_merged[rows].astype(np.float32),
+            p_conflict=conflict_columns(self.conflicts)[rows],
+            gaps=gaps.select(
+                pl.lit(window).alias("recording"), "vehicle", pl.lit(moment(self.t0)).alias("t0"), pl.exclude("vehicle")
+            ),
+        )
+
+    def tables(self) -> dict[str, pl.DataFrame]:
+        """Returns the tables that a forecast is written as, by name of the file; see `Forecasts`."""
+        return self.reduced().tables()
 
 
 @dataclass(frozen=True)
@@ -282,9 +323,3 @@ def _checked_levels(levels: Sequence[float] | Float[np.ndarray, "level"]) -> Flo
     if len(wrong):
         raise RampcastError(f"levels: expected probabilities above 0 and below 1, got {wrong[0]:g}")
     return asked
-
-
-def _named(ids: pl.Series, places: pl.Series) -> pl.Series:
-    """Returns the ids at those places, null for `NOBODY`."""
-    there = places != NOBODY
-    return ids.gather(pl.select(pl.when(there).then(places)).to_series().cast(pl.UInt32))

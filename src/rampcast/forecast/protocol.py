@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import polars as pl
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 from rampcast.errors import ModelError
 from rampcast.recording import Recording
@@ -24,12 +24,16 @@ class RecordingForecast(Protocol):
         """Returns the name of the window of each scene."""
 
     @property
-    def vehicle(self) -> Int[np.ndarray, "scene"]:
+    def vehicle(self) -> Shaped[np.ndarray, "scene"]:
         """Returns the vehicle of each scene."""
 
     @property
     def t0(self) -> Float[np.ndarray, "scene"]:
         """Returns the moment of each scene [s]."""
+
+    @property
+    def lane(self) -> Int[np.ndarray, "scene"]:
+        """Returns the lane of each vehicle then; `NO_LANE` where it is not known."""
 
     @property
     def x(self) -> Mapping[str, Float[np.ndarray, "scene future"]]:

@@ -47,6 +47,11 @@ class PaperForecast:
         return self.inputs.scenes.t0
 
     @property
+    def lane(self) -> Int[np.ndarray, "scene"]:
+        """Returns the lane of the central vehicle at t0."""
+        return self.inputs.scenes.lane
+
+    @property
     def start(self) -> Float[np.ndarray, "scene"]:
         """Returns the front of the central vehicle at t0 [m]."""
         return self.inputs.scenes.past[:, CENTRAL, -1, X]
@@ -86,7 +91,7 @@ class PaperForecast:
         return {"forecast": self.position_table(), "lane_change": self.lane_change_table()}
 
     def position_table(self) -> pl.DataFrame:
-        """Returns the columns recording, vehicle, t0 [s], horizon [s], x [m], model, and quantiles, which are null."""
+        """Returns the columns recording, vehicle, t0 [s], lane, horizon [s], x [m], model, and quantiles (null)."""
         return position_table(self)
 
     def lane_change_table(self) -> pl.DataFrame:
