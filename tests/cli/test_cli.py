@@ -76,10 +76,11 @@ def test_help_imports_nothing_heavy():
 
 @pytest.mark.slow
 def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
-    rampcast("forecast", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path, "--csv")
+    rampcast("forecast", *files, "--model", model, "--every", 5, "--out", tmp_path, "--csv")
     forecast = pl.read_parquet(tmp_path / "forecast.parquet")
     quantiles = ["x_q05", "x_q25", "x_q50", "x_q75", "x_q95"]
-    assert forecast.columns == ["recording", "vehicle", "t0", "horizon", "x", "model", *quantiles]
+    assert forecast.columns == ["recording", "vehicle", "t0", "lane", "horizon", "x", "model", *quantiles]
+    assert set(forecast["recording"]) == {"i80-1", "i80-2"}
     assert forecast["horizon"].max() == 15.0
     assert pl.read_parquet(tmp_path / "lane_change.parquet")["p_within"].is_between(0, 1).all()
     assert pl.read_csv(tmp_path / "forecast.csv").height == forecast.height
@@ -87,6 +88,13 @@ def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
     keys = forecast.select("recording", "vehicle", "t0").n_unique()
     assert pl.read_parquet(tmp_path / "gap.parquet").height == 11 * keys
     assert pl.read_parquet(tmp_path / "conflicts.parquet").height == 31 * keys
+
+
+@pytest.mark.slow
+def test_two_windows_of_one_name_are_refused_before_anything_is_written(model, files, tmp_path):
+    done = rampcast("forecast", files[1], files[1], "--model", model, "--every", 9, "--out", tmp_path / "x", expect=2)
+    assert "its window 'i80-2' is in" in done.stderr
+    assert not list((tmp_path / "x").iterdir())
 
 
 @pytest.mark.slow
@@ -101,7 +109,7 @@ def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
 @pytest.mark.slow
 def test_what_reads_recordings_takes_a_mapping(model, files, tmp_path):
     out, mapping = ("--out", tmp_path / "out"), ("--mapping", tmp_path / "absent.toml")
-    one = ("--model", model, "--recording", files[0])
+    one = ("--model", model, "--recording", files[0])  # `forecast` takes recordings by that name too
     for command in (("train", files[0]), ("forecast", *one), ("evaluate", *one)):
         assert "absent.toml: the mapping cannot be read" in rampcast(*command, *out, *mapping, expect=2).stderr
 
@@ -159,7 +167,8 @@ def test_most_rows_off_the_road_are_warned_of(capsys):
     ("arguments", "message"),
     [
         (("inspect", "nowhere.txt"), "there is no such file"),
-        (("forecast", "--model", "nowhere", "--recording", "nowhere.txt", "--out", "x"), "no model folder"),
+        (("forecast", "nowhere.txt", "--model", "nowhere", "--out", "x"), "no model folder"),
+        (("forecast", "nowhere.txt", "--out", "x"), "no model was given: train one"),
         (("train", "x.parquet", "--out", "x", "--epochs", "3"), "--epochs: only for the paper's LSTMs"),
         (("benchmark", "--train", "nowhere"), "nowhere: there is no such folder"),
         (("reproduce", "--data", "nowhere", "--out", "x"), "there is no such folder"),

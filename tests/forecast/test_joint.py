@@ -1,5 +1,6 @@
 """The forecast of all vehicles of one moment: what it counts in its samples."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.errors import RampcastError
+from rampcast.forecast.tables import BANDS
 from rampcast.horizon import FUTURE
 from tests.forecast.joint_made_up import RAMP, TARGET, TIME, driving, random_forecast
 
@@ -136,3 +138,26 @@ def test_a_forecast_is_one_line_and_a_table_in_a_notebook():
     assert repr(forecast) == "<Forecast of test at 12.0 s: 2 vehicles, 1 futures of 15 s>"
     assert "<td>2, 1 of them on the ramp</td>" in forecast._repr_html_()
     assert "likely to merge within 15 s</th><td>101</td>" in forecast._repr_html_()
+
+
+def test_as_a_table_a_forecast_has_a_row_for_each_vehicle_and_step(forecast):
+    table = forecast.to_polars()
+    assert table.columns == ["vehicle", "t0", "lane", "horizon", "x", *BANDS, "p_merged"]
+    own = table.filter(vehicle=int(forecast.vehicle[4]))
+    np.testing.assert_allclose(own["p_merged"], forecast.p_merged[4], atol=1e-4)
+    assert forecast.to_pandas()["x"].tolist() == table["x"].to_list()
+
+
+def test_in_xarray_the_axes_have_names(forecast):
+    found = forecast.to_xarray()
+    one = found.sel(vehicle=forecast.vehicle[3])
+    np.testing.assert_array_equal(one.x.sel(horizon=0.6, method="nearest"), forecast.samples[3, :, 2])
+    np.testing.assert_allclose(found.x.median("sample"), np.median(forecast.samples, axis=1))
+    assert (found.attrs["site"], found.x.units, found.lane.dtype) == ("test", "m", np.int16)
+
+
+@pytest.mark.parametrize(("package", "install"), [("xarray", r"rampcast\[xarray\]"), ("pandas", "pip install pandas")])
+def test_a_package_that_is_not_there_is_named_with_what_installs_it(forecast, package, install, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(RampcastError, match=f"to_{package} needs {package}.*{install}"):
+        getattr(forecast, f"to_{package}")()

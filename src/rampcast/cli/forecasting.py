@@ -9,6 +9,7 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
+    AnyModel,
     Batch,
     Epochs,
     Every,
@@ -23,12 +24,14 @@ from rampcast.cli.options import (
     SkipBadRows,
     Stride,
 )
-from rampcast.cli.reading import Reading, bad_rows_of, read_smoothed, user_command
+from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, user_command
 from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
-    from rampcast.forecast.protocol import RecordingForecaster
+    from collections.abc import Iterator
+
+    from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
     from rampcast.paper.framework import PaperSpec
 
 
@@ -89,38 +92,70 @@ def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: s
 
 
 @app.command(
-    epilog="Example:\n\nrampcast forecast --model model --recording 2.parquet --every 1.0 --out forecasts --csv"
+    epilog="Examples:\n\nrampcast forecast window2.parquet --model model --out forecasts\n\n"
+    "rampcast forecast window2.parquet window3.parquet --model model --every 0.1 --out forecasts --csv"
 )
 def forecast(
-    model: ModelFolder,
-    recording: RecordingFile,
     out: OutFolder,
+    recordings: Annotated[list[Path] | None, typer.Argument(help="Recordings, in any form rampcast reads.")] = None,
+    model: AnyModel = None,
     every: Every = 1.0,
     site: SiteName = None,
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
+    recording: Annotated[list[Path] | None, typer.Option("--recording", hidden=True)] = None,
 ) -> None:
-    """Forecasts every on-ramp vehicle at every anchor time: where it will be, when it will merge, and into which gap.
+    """Forecasts all vehicles at regular moments: where they will be, when and into which gap they will merge.
 
     Writes forecast.parquet and lane_change.parquet; the paper's framework no gap.parquet and conflicts.parquet.
     The columns: docs/forecast_files.md.
     """
-    from rampcast.files import write_table
-    from rampcast.forecast.storage import load
-    from rampcast.forecast.tables import FILES
+    from rampcast.forecast.parts import write_forecasts
 
-    with terminal.progress("forecast"):
-        forecaster = load(model)
-        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows))
-        result = forecaster.predict(smoothed, every=every)
-        tables = result.tables()
-        for name in FILES:  # of another model, or an earlier run, they would be taken for this one's
-            (out / f"{name}.parquet").unlink(missing_ok=True)
-            (out / f"{name}.csv").unlink(missing_ok=True)
-        written = [path for name, table in tables.items() for path in write_table(table, out / name, csv=csv)]
-    terminal.say(f"{len(result.t0):,} scenes; wrote {', '.join(map(str, written))}")
+    forecaster, reading = trained_model(model), Reading(site, format, mapping, skip_bad_rows)
+    with terminal.progress() as tell:
+        parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell)
+        written = write_forecasts(parts, out, suffixes=(".parquet", ".csv") if csv else (".parquet",))
+    for path, rows in written.items():
+        terminal.say(f"wrote {path}: {rows:,} rows")
+
+
+def trained_model(folder: Path | None) -> "RecordingForecaster":
+    """Returns the forecaster of a model folder.
+
+    Raises:
+        RampcastError: none is given, or it cannot be read.
+    """
+    from rampcast.forecast.storage import load
+
+    if folder is None:
+        raise RampcastError("no model was given: train one with `rampcast train`, and name its folder with --model")
+    return load(folder)
+
+
+def forecast_files(
+    forecaster: "RecordingForecaster", files: list[Path], reading: Reading, every: float, tell: "Progress"
+) -> "Iterator[RecordingForecast]":
+    """Yields the parts of the forecasts of recordings, which are read one after the other.
+
+    Raises:
+        RampcastError: there is none, two have a window of the same name, or one cannot be read or forecast.
+    """
+    if not files:
+        raise RampcastError("no recording was given: name one or more files, as `rampcast forecast window2.parquet`")
+    read: dict[str, Path] = {}
+    for file in files:
+        recording = read_raw([file], reading)
+        if twice := [name for name in recording.names if name in read]:
+            raise RampcastError(f"{file}: its window '{twice[0]}' is in {read[twice[0]]} too; forecast one of the two")
+        read |= dict.fromkeys(recording.names, file)
+        parts, what = forecaster.in_parts(recording, every=every), f"forecast {', '.join(recording.names)}"
+        tell(what, 0, parts.total)
+        for done, part in enumerate(parts.each, start=1):
+            yield part
+            tell(what, done, parts.total)
 
 
 @app.command(epilog="Example:\n\nrampcast evaluate --model model --recording window2.parquet --out scores")

@@ -50,8 +50,16 @@ SkipBadRows = Annotated[bool, typer.Option("--skip-bad-rows", help="Count and li
 OutFolder = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
 OutFile = Annotated[Path, typer.Option("--out", callback=writable_file, help="File to write.")]
 ModelFolder = Annotated[Path, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
-RecordingFile = Annotated[Path, typer.Option("--recording", help="Recording to forecast, in any form rampcast reads.")]
-Every = Annotated[float, typer.Option("--every", help="Time between anchors \\[s]; a multiple of 0.2.")]
+AnyModel = Annotated[Path | None, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
+RecordingFile = Annotated[
+    Path, typer.Option("--recording", help="Recording to score it on, in any form rampcast reads.")
+]
+Every = Annotated[
+    float,
+    typer.Option(
+        "--every", help="Time between two moments that are forecast \\[s]; for the paper's framework a multiple of 0.2."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", help="Fixes everything drawn at random.")]
 Epochs = Annotated[int, typer.Option("--epochs", min=1, help="Passes of the LSTMs over their training windows.")]
 Batch = Annotated[int, typer.Option("--batch", min=1, help="Windows per step of the LSTMs' training.")]

@@ -61,14 +61,21 @@ def read_road(files: list[Path], road: str | None, reading: Reading) -> "Recordi
     return road_named(recordings, road)
 
 
-def read_smoothed(files: list[Path], reading: Reading) -> "Recording":
-    """Returns the recording in the files, smoothed unless it is already; prints what that left out or changed."""
+def read_raw(files: list[Path], reading: Reading) -> "Recording":
+    """Returns the recording in the files as it is; prints what reading found."""
     from rampcast.formats import read_any
-    from rampcast.recording import clean
 
     recording, report = read_any(files, **reading.arguments)
     warn_if_off_road(report, reading.site)
     terminal.print_reading(report)
+    return recording
+
+
+def read_smoothed(files: list[Path], reading: Reading) -> "Recording":
+    """Returns the recording in the files, smoothed unless it is already; prints what that left out or changed."""
+    from rampcast.recording import clean
+
+    recording = read_raw(files, reading)
     if recording.is_smoothed:
         return recording
     smoothed, changes = clean(recording)

@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Int
 
 from rampcast.forecast.forecast import Forecast
+from rampcast.forecast.parts import scene_parts
 from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSpec
-from rampcast.forecast.protocol import Progress, check_same_site, tell_nobody
+from rampcast.forecast.protocol import Parts, Progress, check_same_site, tell_nobody
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster, nothing
 from rampcast.horizon import STEP
-from rampcast.recording import Recording
+from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
@@ -104,6 +105,11 @@ class Forecaster:
             start=start,
             scene=self.scene.predict(scenes.only_seen()),
         )
+
+    def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
+        """Returns what `predict` does, in parts that are made one after the other; a raw recording is smoothed."""
+        smoothed = recording if recording.is_smoothed else clean(recording)[0]
+        return scene_parts(self.predict_at, smoothed, find_anchors(smoothed, every=every))
 
 
 def fit(

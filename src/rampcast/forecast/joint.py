@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int, Shaped
 
-from rampcast.errors import RampcastError
+from rampcast.errors import MissingExtra, RampcastError
 from rampcast.forecast.encounters import Conflicts, conflicts, shares_by
 from rampcast.forecast.forecasts import Forecasts, conflict_columns
 from rampcast.forecast.leaders import NOBODY, merge_gaps
-from rampcast.forecast.tables import BANDS, moment
+from rampcast.forecast.tables import BANDS, moment, share
 from rampcast.horizon import STEP
 from rampcast.notebook import html_table
 from rampcast.sites import Site
@@ -245,6 +246,45 @@ class Forecast:
     def tables(self) -> dict[str, pl.DataFrame]:
         """Returns the tables that a forecast is written as, by name of the file; see `Forecasts`."""
         return self.reduced().tables()
+
+    def to_polars(self) -> pl.DataFrame:
+        """Returns a row for each vehicle and step: vehicle, t0, lane, horizon, x, its quantiles, p_merged."""
+        table = self.reduced().position_table().drop("recording", "model")
+        return table.with_columns(p_merged=share(self.p_merged))
+
+    def to_pandas(self) -> Any:
+        """Returns the table of `to_polars` as a frame of pandas.
+
+        Raises:
+            MissingExtra: pandas or pyarrow is not installed.
+        """
+        try:
+            return self.to_polars().to_pandas()
+        except ImportError as error:
+            raise MissingExtra("to_pandas needs pandas and pyarrow; run: pip install pandas pyarrow") from error
+
+    def to_xarray(self) -> Any:
+        """Returns a data set of xarray: fronts and lanes of all samples with named axes, and what is counted in them.
+
+        Raises:
+            MissingExtra: xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingExtra('to_xarray needs xarray; run: pip install "rampcast[xarray]"') from error
+        horizon = np.round(STEP * np.arange(1, self.samples.shape[2] + 1), 1)
+        values: dict[str, Any] = {
+            "x": (("vehicle", "sample", "horizon"), self.samples, {"units": "m"}),
+            "lane": (("vehicle", "sample", "horizon"), self.lane),
+            "start": ("vehicle", self.start, {"units": "m"}),
+            "start_lane": ("vehicle", self.start_lane),
+            "length": ("vehicle", self.length, {"units": "m"}),
+            "p_merged": (("vehicle", "horizon"), self.p_merged),
+            "merge_time": (("vehicle", "sample"), self.merge_time, {"units": "s"}),
+        }
+        axes: dict[str, Any] = {"vehicle": self.vehicle, "horizon": ("horizon", horizon, {"units": "s"})}
+        return xarray.Dataset(values, axes, attrs={"site": self.site.name, "t0": self.t0})
 
 
 @dataclass(frozen=True)

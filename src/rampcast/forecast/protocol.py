@@ -1,6 +1,7 @@
 """What every forecaster of a recording can do, ours and those that stand beside it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -51,6 +52,19 @@ class RecordingForecast(Protocol):
         """Returns the tables that a forecast is written as, by name of the file."""
 
 
+@dataclass(frozen=True)
+class Parts:
+    """What is forecast of a recording.
+
+    Attributes:
+        total: number of the parts.
+        each: gives them, one after the other.
+    """
+
+    total: int
+    each: Iterator[RecordingForecast]
+
+
 @runtime_checkable
 class RecordingForecaster(Protocol):
     """A fitted forecaster of one site."""
@@ -76,6 +90,9 @@ class RecordingForecaster(Protocol):
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> RecordingForecast:
         """Returns the forecast of the vehicles at those rows of it, which `traffic.find_anchors` gave."""
+
+    def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
+        """Returns the forecast of a recording, raw or smoothed, in parts that are made one after the other."""
 
 
 def check_same_site(trained: Site, site: Site) -> None:

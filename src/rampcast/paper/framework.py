@@ -10,7 +10,8 @@ from jaxtyping import Int
 from rampcast.arguments import chosen
 from rampcast.compute import computing, jax
 from rampcast.errors import ModelError
-from rampcast.forecast.protocol import Progress, check_same_site, tell_nobody
+from rampcast.forecast.parts import scene_parts
+from rampcast.forecast.protocol import Parts, Progress, check_same_site, tell_nobody
 from rampcast.forecasters import positions
 from rampcast.horizon import FUTURE, STEP
 from rampcast.paper.forecast import PaperForecast
@@ -25,7 +26,7 @@ from rampcast.paper.neighbours.windows import training_windows
 from rampcast.paper.scenes import build_scenes_at
 from rampcast.paper.scenes.scenes import Scenes
 from rampcast.paper.scenes.stand_ins import with_stand_ins
-from rampcast.recording import Recording
+from rampcast.recording import Recording, clean
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
 from rampcast.threads import choosing_threads, in_threads
@@ -110,6 +111,11 @@ class PaperForecaster:
     ) -> PaperForecast:
         """Returns the forecast of the vehicles at those rows of a recording, which `find_anchors` gave."""
         return self.predict_scenes(build_scenes_at(recording, rows, future=0), models=models)
+
+    def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
+        """Returns what `predict` does, in parts that are made one after the other; a raw recording is smoothed."""
+        smoothed = recording if recording.is_smoothed else clean(recording)[0]
+        return scene_parts(self.predict_at, smoothed, find_anchors(smoothed, every=every))
 
     def predict_scenes(
         self, scenes: Scenes, *, models: Sequence[str] | None = None, steps: int = FUTURE

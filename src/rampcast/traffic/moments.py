@@ -112,16 +112,20 @@ def moments(recording: Recording, *, every: float = 1.0, window: str | None = No
     Raises:
         RecordingError: as for `traffic`, or `every` is not above 0.
     """
+    yield from traffic_at_times(recording, window, moment_times(recording, every=every, window=window))
+
+
+def moment_times(recording: Recording, *, every: float = 1.0, window: str | None = None) -> Float[np.ndarray, "moment"]:
+    """Returns the times of `moments` [s]; see there."""
     if not every > 0:
         raise RecordingError(f"expected a time above 0 s between two moments, got {every:g} s")
-    rows = _by_time(_window(recording, window))
-    first = np.ceil((rows.time[0] + SPAN) / every - SAME_STEP)
-    last = np.floor(rows.time[-1] / every + SAME_STEP)
-    for number in np.arange(first, last + 1):
-        yield _at(recording.site, rows, float(number * every))
+    frames = _window(recording, window).tracks[c.FRAME].to_numpy()
+    first = np.ceil((frames.min() * recording.time_step + SPAN) / every - SAME_STEP)
+    last = np.floor(frames.max() * recording.time_step / every + SAME_STEP)
+    return np.arange(first, last + 1) * every
 
 
-def traffic_at_times(recording: Recording, window: str, times: Float[np.ndarray, "moment"]) -> Iterator[Traffic]:
+def traffic_at_times(recording: Recording, window: str | None, times: Float[np.ndarray, "moment"]) -> Iterator[Traffic]:
     """Yields the traffic of a window of a raw recording at each of those times [s]; see `traffic`."""
     rows = _by_time(_window(recording, window))
     for time in times.tolist():
@@ -177,14 +181,15 @@ def _window(recording: Recording, name: str | None) -> Recording:
             f"this recording has {len(recording.names)} windows, each with a clock of its own; say which: "
             f'window="{recording.names[0]}"'
         )
-    return recording if name is None else recording.window(name)
+    found = recording if name is None else recording.window(name)
+    if found.tracks.is_empty():
+        raise RecordingError("the recording has no rows: there is no traffic at any moment")
+    return found
 
 
 def _by_time(recording: Recording) -> Rows:
     """Returns the rows of a window, sorted by time."""
     tracks = recording.tracks.unique((c.VEHICLE, c.FRAME), keep="first", maintain_order=True).sort(c.FRAME, c.VEHICLE)
-    if tracks.is_empty():
-        raise RecordingError("the recording has no rows: there is no traffic at any moment")
     return Rows(
         vehicle=tracks[c.VEHICLE].to_numpy(),
         time=tracks[c.FRAME].to_numpy() * recording.time_step,

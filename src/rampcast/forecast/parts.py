@@ -1,0 +1,119 @@
+"""Forecasts of a recording part after part, and their files: memory does not grow with the number of moments."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from itertools import chain, islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+import polars as pl
+from jaxtyping import Int
+
+from rampcast.errors import RecordingError
+from rampcast.files import write_whole
+from rampcast.forecast.forecasts import Forecasts
+from rampcast.forecast.joint import Forecast
+from rampcast.forecast.protocol import Parts, RecordingForecast
+from rampcast.forecast.tables import FILES
+from rampcast.recording import Recording
+from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_times
+
+ROWS = 200_000  # of the longest table that are kept before they are written: some 10 MB
+SCENES = 256  # of a forecaster of scenes at a time
+
+
+def moment_parts(predict: Callable[[Traffic], Forecast], recording: Recording, *, every: float) -> Parts:
+    """Returns the forecast of all vehicles of each moment of a recording; of no vehicle at a moment an empty one.
+
+    Args:
+        predict: gives the forecast of one moment.
+        recording: raw, or smoothed by `clean`, which keeps the raw one.
+        every: time between two moments [s].
+
+    Raises:
+        RecordingError: the raw recording is not there or shorter than 4 s, or `every` is not above 0.
+    """
+    raw = recording.raw if recording.is_smoothed else recording
+    if raw is None:
+        raise RecordingError(
+            "a forecast needs the raw recording: a smoothed one that was read from a file knows what comes; give the "
+            "file that it was made of"
+        )
+    times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
+    total = sum(map(len, times.values()))
+    if not total:
+        raise RecordingError(f"{', '.join(raw.names)}: expected {SPAN:g} s of traffic or more, there are fewer")
+
+    def each() -> Iterator[Forecasts]:
+        for window, moments in times.items():
+            for traffic in traffic_at_times(raw, window, moments):
+                yield predict(traffic).reduced(recording=window)
+
+    return Parts(total, each())
+
+
+def scene_parts(
+    predict_at: Callable[[Recording, Int[np.ndarray, "scene"]], RecordingForecast],
+    recording: Recording,
+    rows: Int[np.ndarray, "scene"],
+) -> Parts:
+    """Returns the forecast of the vehicles at those rows of a smoothed recording, `SCENES` of them at a time."""
+    chunks = [rows[first : first + SCENES] for first in range(0, len(rows), SCENES)]
+    return Parts(len(chunks), (predict_at(recording, chunk) for chunk in chunks))
+
+
+def write_forecasts(parts: Iterable[RecordingForecast], folder: Path, *, suffixes: Iterable[str]) -> dict[Path, int]:
+    """Writes the tables of forecasts, each whole or not at all; returns the files with their numbers of rows.
+
+    Tables of an earlier run in the folder are replaced or taken away.
+
+    Args:
+        parts: one after the other; each is let go when it is written.
+        folder: to write to.
+        suffixes: of `WRITERS`, the kinds of files.
+    """
+    made = iter(parts)
+    first = [*islice(made, 1)]  # what cannot be read or forecast at all leaves no folder
+    folder.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=folder, prefix=".forecast.", suffix=".partial") as name, ExitStack() as stack:
+        tables = _gathered(chain(first, made), Path(name))
+        files = {folder / f"{table}{suffix}": table for table in tables for suffix in suffixes}
+        for path, table in files.items():
+            WRITERS[path.suffix](tables[table], stack.enter_context(write_whole(path)))
+        rows = {table: int(scan.select(pl.len()).collect().item()) for table, scan in tables.items()}
+    for path in {folder / f"{table}{suffix}" for table in FILES for suffix in WRITERS} - files.keys():
+        path.unlink(missing_ok=True)
+    return {path: rows[table] for path, table in files.items()}
+
+
+def _gathered(parts: Iterable[RecordingForecast], folder: Path) -> dict[str, pl.LazyFrame]:
+    """Returns the tables of all parts, which lie in files of a folder."""
+    kept: dict[str, list[pl.DataFrame]] = {}
+    written: dict[str, list[Path]] = {}
+
+    def write() -> None:
+        for name, tables in kept.items():
+            written.setdefault(name, []).append(folder / f"{name}-{len(written.get(name, [])):06}.parquet")
+            pl.concat(tables).write_parquet(written[name][-1])
+        kept.clear()
+
+    for part in parts:
+        for name, table in part.tables().items():
+            kept.setdefault(name, []).append(table)
+        if max(sum(table.height for table in tables) for tables in kept.values()) > ROWS:
+            write()
+    write()
+    return {name: pl.scan_parquet(paths) for name, paths in written.items()}
+
+
+def _write_parquet(table: pl.LazyFrame, path: Path) -> None:
+    table.sink_parquet(path, row_group_size=ROWS)
+
+
+def _write_csv(table: pl.LazyFrame, path: Path) -> None:
+    table.sink_csv(path)
+
+
+WRITERS: Final = {".parquet": _write_parquet, ".csv": _write_csv}
