@@ -171,7 +171,7 @@ def _of_scenes(model: SceneForecaster, scenes: MergeScenes, since_entry: Float[n
     place = found.merge_place
     return MergeForecasts(
         p_within=np.clip(found.p_within, 0.0, 1.0),
-        p_at=found.chance,
+        p_at=found.p_at,
         median_time=found.median_time,
         gap=GAPS[found.p_gap.argmax(axis=1)].astype(float),
         place=np.where(np.isfinite(place), place, found.median[:, -1]),  # no sample merges: its place at the end

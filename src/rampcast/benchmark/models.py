@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from rampcast.benchmark.cases import TIME, Cases
 from rampcast.compute import jax
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
 from rampcast.horizon import FUTURE, PAST, STEP, STEPS_PER_SECOND
 from rampcast.models.pooled_driver import fit_pooled_driver, follow_true_leader, roll_chain
@@ -35,7 +35,7 @@ LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known
 LSTM_STRIDE = 5  # steps between the windows that the LSTM is trained on
 MOST_WINDOWS = 4000  # of the LSTM, so that the whole benchmark takes minutes
 LSTM = LstmSpec(epochs=10, batch=64)  # likewise; the paper trains 25 epochs
-FORECASTER = PlatoonForecasterSpec()
+FORECASTER = CalibratedSpec()
 TOUCH = 0.01  # [m]; samples are kept in single precision, and overlap when they are farther into another vehicle
 
 
@@ -160,9 +160,8 @@ def scene_forecaster(training: Training) -> Predict:
 
 def roll_outs_alone(training: Training) -> Predict:
     """Returns the same without the learned correction: the samples' own median and quantiles."""
-    model = training.scene_forecaster
-    merges = model.merges and replace(model.merges, correction=None)
-    return partial(_scene_forecast, replace(model, platoons=replace(model.platoons, correction=None), merges=merges))
+    model = training.scene_forecaster.model
+    return partial(_scene_forecast, SceneForecaster(replace(model, in_lane=None, merging=None)))
 
 
 def oracle(training: Training) -> OraclePredict:

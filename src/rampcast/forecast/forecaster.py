@@ -1,25 +1,31 @@
 """The forecaster: learns from recordings of a site how its vehicles drive and merge, and forecasts others of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
 
-from rampcast.forecast.forecast import Forecast
-from rampcast.forecast.parts import scene_parts
-from rampcast.forecast.platoon_forecaster import FORECASTER, PlatoonForecasterSpec
+from rampcast.errors import RecordingError
+from rampcast.forecast.calibrated import SPEC, Calibrated, CalibratedSpec, fit_calibrated
+from rampcast.forecast.examples import NEEDS_RAW, training_of
+from rampcast.forecast.forecasts import Forecasts, joined
+from rampcast.forecast.joint import Forecast
+from rampcast.forecast.parts import moment_parts
 from rampcast.forecast.protocol import Parts, Progress, check_same_site, tell_nobody
-from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster, nothing
-from rampcast.horizon import STEP
-from rampcast.recording import Recording, clean
+from rampcast.horizon import FUTURE
+from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.sites import Site
+from rampcast.sites.site import NO_LANE
 from rampcast.threads import choosing_threads
 from rampcast.traffic import find_anchors
-from rampcast.traffic.around import merge_scenes_at, merge_scenes_of_rows, ramp_vehicles
-from rampcast.traffic.moments import Traffic
-from rampcast.traffic.outcomes import outcomes
+from rampcast.traffic.around import merge_scenes_at
+from rampcast.traffic.moments import Traffic, traffic_at_times
+from rampcast.traffic.situation import forecastable, situation_of_traffic
 
 
 @dataclass(frozen=True)
@@ -28,12 +34,12 @@ class ForecasterSpec:
 
     Attributes:
         spacing: time between training anchors [s], a multiple of 0.2.
-        scene: what may be chosen of its models.
+        model: what may be chosen of its models.
         seed: of trees and samples.
     """
 
     spacing: float = 1.0  # nearer ones are much alike
-    scene: PlatoonForecasterSpec = FORECASTER
+    model: CalibratedSpec = SPEC
     seed: int = 1
 
 
@@ -43,7 +49,7 @@ class Forecaster:
 
     Attributes:
         site: where it was trained.
-        scene: forecasts scenes as a whole.
+        model: drives all vehicles of a moment together.
         training: how it was trained.
         trained_on: names of the windows it was trained on.
         data_hash: SHA-256 of their tracks.
@@ -51,7 +57,7 @@ class Forecaster:
     """
 
     site: Site
-    scene: SceneForecaster
+    model: Calibrated
     training: ForecasterSpec
     trained_on: tuple[str, ...]
     data_hash: str
@@ -60,15 +66,16 @@ class Forecaster:
     def __repr__(self) -> str:
         return f"<Forecaster of {self.site.name}, trained on {', '.join(self.trained_on)}>"
 
-    def predict(self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None) -> Forecast:
-        """Returns the forecast of every on-ramp vehicle, from the past alone.
+    def predict(self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None) -> Any:
+        """Returns the forecast of the traffic of a moment, or those of the on-ramp vehicles of a recording.
 
-        Of a recording, at every anchor time at which its last 4 s lie on the ramp. Of traffic, as a stream gives it, at
-        its one moment, of vehicles seen for 0.4 s; with nobody there the forecast has no scene, which is no error.
+        Of traffic, as `rc.traffic`, `rc.moments` or a stream give it, the `Forecast` of all its vehicles that were seen
+        for 0.4 s; with nobody there it is empty, which is no error. Of a recording, the `Forecasts` of its on-ramp
+        vehicles at every anchor time at which their last 4 s lie on the ramp. Both from the past alone.
 
         Args:
-            what: a recording smoothed by `clean`, which keeps the raw rows that the states come from; or the traffic of
-                a moment.
+            what: the traffic of a moment, or a recording smoothed by `clean`, which keeps the raw rows that the states
+                come from.
             every: of a recording, time between anchors [s], a multiple of 0.2.
             threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
@@ -83,33 +90,44 @@ class Forecaster:
 
     def _of_traffic(self, traffic: Traffic) -> Forecast:
         check_same_site(self.site, traffic.site)
-        vehicles = ramp_vehicles(traffic)
-        scenes = merge_scenes_at(traffic, vehicles) if len(vehicles) else None
-        return Forecast(
-            recording=np.full(len(vehicles), traffic.site.name),
-            vehicle=traffic.vehicle[vehicles],
-            t0=np.full(len(vehicles), traffic.t0),
-            start=traffic.x[vehicles, -1],
-            scene=nothing() if scenes is None else self.scene.predict(scenes.only_seen()),
-        )
+        return forecast_traffic(self.model, traffic)
 
-    def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecast:
-        """Returns the forecast of the vehicles at those rows of a recording, which `find_anchors` gave."""
+    def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecasts:
+        """Returns the forecasts of the vehicles at those rows of a recording, which `find_anchors` gave."""
         check_same_site(self.site, recording.site)
-        anchors = recording.tracks.select(c.RECORDING, c.VEHICLE, c.FRAME)[rows]
-        scenes, start = merge_scenes_of_rows(recording, rows)
-        return Forecast(
-            recording=anchors[c.RECORDING].to_numpy(),
-            vehicle=anchors[c.VEHICLE].to_numpy().astype(np.int64),
-            t0=anchors[c.FRAME].to_numpy() * STEP,
-            start=start,
-            scene=self.scene.predict(scenes.only_seen()),
-        )
+        return _of_rows(recording, rows, self._of_traffic)
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
-        """Returns what `predict` does, in parts that are made one after the other; a raw recording is smoothed."""
-        smoothed = recording if recording.is_smoothed else clean(recording)[0]
-        return scene_parts(self.predict_at, smoothed, find_anchors(smoothed, every=every))
+        """Returns the forecasts of all vehicles of a recording, raw or smoothed, a moment after the other."""
+        check_same_site(self.site, recording.site)
+        return moment_parts(self._of_traffic, recording, every=every)
+
+
+def forecast_traffic(model: Calibrated, traffic: Traffic, *, samples: int | None = None) -> Forecast:
+    """Returns the forecast of all vehicles of a moment that can be forecast."""
+    rows = forecastable(traffic)
+    numbers = np.array([lane.number for lane in traffic.site.lanes])
+    if not len(rows):
+        nobody = np.zeros((0, samples or model.spec.samples, FUTURE), np.float32)
+        empty = np.zeros(0)
+        return Forecast(
+            traffic.site, traffic.t0, traffic.vehicle[:0], empty, empty.astype(int), empty, nobody, nobody.astype(int)
+        )  # fmt: skip
+    situation = situation_of_traffic(traffic)
+    vehicle = np.arange(len(rows))
+    scenes = merge_scenes_at(traffic, rows)
+    beginning, driven = model.futures(situation, scenes, vehicle, vehicle, samples=samples)
+    known = np.append(numbers, np.full(situation.end.shape[1] - len(numbers), NO_LANE)).astype(np.int16)
+    return Forecast(
+        site=traffic.site,
+        t0=traffic.t0,
+        vehicle=traffic.vehicle[rows],
+        start=beginning.start.x,
+        start_lane=known[situation.lane].astype(np.int64),
+        length=situation.length,
+        samples=driven.x,
+        lane=known[driven.lane],
+    )
 
 
 def fit(
@@ -134,13 +152,12 @@ def fit(
     """
     spec, tell = spec or ForecasterSpec(), progress or tell_nobody
     spec = spec if every is None else replace(spec, spacing=every)
-    tell("scene forecaster", 0, 1)
     with choosing_threads(threads):
-        scene = _fit_scene(recording, spec)
-    tell("scene forecaster", 1, 1)
+        training = training_of(recording, spacing=spec.spacing, tell=partial(tell, "moments"))
+        model = fit_calibrated(training, seed=spec.seed, spec=spec.model, tell=partial(tell, "stages"))
     return Forecaster(
         site=recording.site,
-        scene=scene,
+        model=model,
         training=spec,
         trained_on=tuple(recording.names),
         data_hash=recording_hash(recording),
@@ -148,19 +165,20 @@ def fit(
     )
 
 
-def _fit_scene(recording: Recording, spec: ForecasterSpec) -> SceneForecaster:
-    anchors = find_anchors(recording, every=spec.spacing)
-    became = outcomes(recording, anchors)
-    scenes, start = merge_scenes_of_rows(recording, anchors)
-    off = (recording.tracks[c.X].to_numpy()[anchors] - start)[:, None]  # the truth counts from where the forecast does
-    return fit_scene_forecaster(
-        scenes,
-        became.displacement + off,
-        became.leader_displacement + off,
-        change_time=became.change_time,
-        seen_for=became.seen_for,
-        group=became.group,
-        t0=became.t0,
-        seed=spec.seed,
-        spec=spec.scene,
-    )
+def _of_rows(recording: Recording, rows: Int[np.ndarray, "scene"], predict: Callable[[Traffic], Forecast]) -> Forecasts:
+    """Returns the forecasts of the vehicles at those rows of a smoothed recording, a moment after the other."""
+    if recording.raw is None:
+        raise RecordingError(NEEDS_RAW)
+    anchors = recording.tracks.select(c.RECORDING, c.VEHICLE, c.FRAME)[rows].with_row_index("scene")
+    parts, order = [], []
+    for (window,), some in anchors.sort(c.RECORDING, c.FRAME, maintain_order=True).group_by(
+        c.RECORDING, maintain_order=True
+    ):
+        by_frame = some.partition_by(c.FRAME, maintain_order=True)
+        times = np.array([part[c.FRAME][0] for part in by_frame]) * recording.time_step
+        for traffic, part in zip(traffic_at_times(recording.raw, str(window), times), by_frame, strict=True):
+            found = predict(traffic)
+            place = np.searchsorted(found.vehicle, part[c.VEHICLE].to_numpy())
+            parts.append(found.reduced(place, recording=str(window)))
+            order.append(part["scene"].to_numpy())
+    return joined(parts).select(np.argsort(np.concatenate(order), kind="stable"))

@@ -3,11 +3,10 @@
 A tag stays when its class is moved or renamed. A new class needs a line here; a test names those that lack one.
 """
 
+from rampcast.forecast.calibrated import Calibrated, CalibratedSpec
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
-from rampcast.forecast.merge_roll_out import MergeRollOut
-from rampcast.forecast.platoon_forecaster import PlatoonForecaster, PlatoonForecasterSpec
-from rampcast.forecast.platoon_roll_out import RollOut
-from rampcast.forecast.scene_forecaster import MergeForecaster, SceneForecaster
+from rampcast.forecast.learning import Base
+from rampcast.forecast.roll_out import Manners, RollOut
 from rampcast.models.correction import Correction, CorrectionSpec, KnotCorrection
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior
@@ -25,12 +24,11 @@ TAGS: Tags = {
     "rampcast": Forecaster,
     "training": ForecasterSpec,
     "site": SITE,
-    "scene": SceneForecaster,
-    "platoons": PlatoonForecaster,
-    "merges": MergeForecaster,
-    "samples": PlatoonForecasterSpec,
+    "calibrated": Calibrated,
+    "samples": CalibratedSpec,
+    "base": Base,
     "roll_out": RollOut,
-    "merge_roll_out": MergeRollOut,
+    "manners": Manners,
     "drivers": DriverPrior,
     "disturbance": Disturbance,
     "head": Head,

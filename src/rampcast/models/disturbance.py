@@ -7,13 +7,12 @@ a poor one) are learned from where training vehicles were 1 to 3 s later behind 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from rampcast.compute import computing
 from rampcast.horizon import STEP
 from rampcast.models.drivers import DriverPrior, behind_leader, posterior
-from rampcast.physics import idm
 from rampcast.traffic.platoons import Platoons, known_lengths
+from rampcast.traffic.situation import NOBODY, Situation
 
 STEPS = np.array([4, 9, 14])  # 1, 2 and 3 s after t = 0: later, the driver's law takes back what it did
 PERSISTENCES = (0.7, 0.8, 0.85, 0.9, 0.93, 0.96)  # a step of 0.2 s, that are tried: they fade within 0.6 to 5 s
@@ -60,33 +59,38 @@ def fit_disturbance(
     ahead = np.where(np.isfinite(leader_truth), leader_truth, 0.0)[rows]
     driven = np.einsum("pd,pds->ps", weights, behind_leader(prior.drivers, some, ahead))[:, STEPS]
     beyond = truth[rows][:, STEPS] - driven
-    start = residual_now(prior, some, weights[:, None], followers=1)[:, 0]
+    gap = some.x[:, 1, -1] - some.x[:, 0, -1] - known_lengths(some)[:, 1]
+    now = (some.v[:, 0, -1], some.v[:, 1, -1], gap, some.a[:, 0, -1], some.present[:, 1])
+    start = _residual(weights @ prior.drivers, *now)
     return min((_given(persistence, start, beyond) for persistence in PERSISTENCES), key=lambda found: found[0])[1]
 
 
-@computing()
-def residual_now(
-    prior: DriverPrior, platoons: Platoons, weights: Float[np.ndarray, "platoon follower driver"], *, followers: int
-) -> Float[np.ndarray, "platoon follower"]:
-    """Returns the acceleration at t = 0 beyond the law's [m/s^2], of the first vehicles; 0 behind no leader.
+def residuals_now(drivers: Float[np.ndarray, "vehicle param"], situation: Situation) -> Float[np.ndarray, "vehicle"]:
+    """Returns the acceleration at t = 0 beyond the law's [m/s^2]; 0 behind no leader.
 
     Args:
-        prior: over drivers.
-        platoons: at least one.
-        weights: of the drivers, of each vehicle.
-        followers: how many vehicles, from the central one on.
+        drivers: expected parameters of the driver of each vehicle.
+        situation: of any number of moments.
     """
-    own, ahead = slice(0, followers), slice(1, followers + 1)
-    led = platoons.present[:, ahead]
-    gap = platoons.x[:, ahead, -1] - platoons.x[:, own, -1] - known_lengths(platoons)[:, ahead]
-    speed, leader_speed, gap, a = (
-        np.where(led, values, 10.0)
-        for values in (np.maximum(platoons.v[:, own, -1], 0.0), platoons.v[:, ahead, -1], gap, platoons.a[:, own, -1])
-    )
-    record = idm.Parameters(*np.moveaxis(weights @ prior.drivers, -1, 0))
-    low, high = (np.asarray(limit) for limit in idm.limits(record))
-    law = np.asarray(idm.acceleration(record, speed=speed, leader_speed=leader_speed, gap=gap))
-    return np.where(led, np.clip(a, low, high) - np.clip(law, low, high), 0.0)
+    led = situation.leader != NOBODY
+    leader = np.where(led, situation.leader, 0)
+    gap = situation.x[leader, -1] - situation.length[leader] - situation.x[:, -1]
+    return _residual(drivers, situation.v[:, -1], situation.v[leader, -1], gap, situation.a[:, -1], led)
+
+
+def _residual(
+    drivers: Float[np.ndarray, "row param"],
+    speed: Float[np.ndarray, "row"],
+    leader_speed: Float[np.ndarray, "row"],
+    gap: Float[np.ndarray, "row"],
+    a: Float[np.ndarray, "row"],
+    led: Bool[np.ndarray, "row"],
+) -> Float[np.ndarray, "row"]:
+    from rampcast.models.driver_loops import residuals  # numba: only who forecasts waits for it
+
+    found = np.empty(len(speed))
+    residuals(drivers, speed, leader_speed, gap, a, led, found)
+    return found
 
 
 def _given(

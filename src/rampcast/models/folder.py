@@ -19,7 +19,7 @@ from rampcast.errors import ModelError
 from rampcast.files import write_whole_folder
 from rampcast.models.plain_data import TAG, Record, Tags, from_record, to_record
 
-FORM = 3  # goes up when what was written before can no longer be read; 1 and 2 belong to rampcast 0.1
+FORM = 4  # goes up when what was written before can no longer be read; 1 and 2 belong to rampcast 0.1, 3 to 0.2
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 LIBRARIES = ("jax", "equinox", "scikit-learn", "numpy", "polars")
 LARGEST = 1 << 32  # [bytes] of all arrays: a hundred times those of a model; more is a file that was made to do harm

@@ -10,14 +10,11 @@ Source: Cox 1972 and Allison 1982 for hazards in discrete time; Ahmed 1999 for t
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from sklearn.linear_model import LogisticRegression
 
-from rampcast.compute import jnp
 from rampcast.horizon import STEP
 
 NEAREST, FARTHEST = 1.0, 60.0  # [m] within which a gap matters
@@ -40,28 +37,12 @@ RARE = -6.0  # logit of a hazard of which nothing is known: a merge in 80 s
 MARGIN = 5.0  # [m] upstream of the first merge of the training vehicles, and downstream of the last
 
 
-class Beside(NamedTuple):
-    """What a ramp vehicle sees of the target lane.
-
-    Attributes:
-        lead_gap, lag_gap: net gaps to the vehicles ahead and behind there [m]; negative where abreast.
-        lead_speed, lag_speed: their speeds [m/s]; the own speed where there is none.
-        ready: time for which there has been room between them [s].
-    """
-
-    lead_gap: Float[ArrayLike, "*#scene"]
-    lead_speed: Float[ArrayLike, "*#scene"]
-    lag_gap: Float[ArrayLike, "*#scene"]
-    lag_speed: Float[ArrayLike, "*#scene"]
-    ready: Float[ArrayLike, "*#scene"]
-
-
 @dataclass(frozen=True)
 class MergeHazard:
     """A fitted hazard.
 
     Attributes:
-        weights: of the features; see `merge_features`.
+        weights: of the features; see `merge_loops.merge_features`.
         constant: logit where all features are zero.
         first, last: distances to the end of the lane between which vehicles merge [m].
     """
@@ -73,72 +54,6 @@ class MergeHazard:
 
 
 NEVER = MergeHazard(np.zeros(FEATURES), RARE)
-
-
-def merge_features(
-    *,
-    speed: Float[ArrayLike, "*#scene"],
-    beside: Beside,
-    into: Float[ArrayLike, "*#scene"],
-    left: Float[ArrayLike, "*#scene"],
-    offset: Float[ArrayLike, "*#scene"],
-    approach: Float[ArrayLike, "*#scene"],
-    time: Float[ArrayLike, "*#scene"],
-) -> tuple[Float[Array, "*#scene"], ...]:
-    """Returns the features of the hazard, each about of size 1.
-
-    Args:
-        speed: [m/s].
-        beside: the target lane.
-        into: distance since vehicles may merge [m].
-        left: distance for which they still may [m].
-        offset: lateral distance to the lane line at t = 0 [m]; `UNKNOWN_OFFSET` where not known.
-        approach: lateral speed toward it at t = 0 [m/s]; 0 where not known.
-        time: since t = 0 [s].
-    """
-    speed = jnp.asarray(speed)
-    into, left = jnp.asarray(into), jnp.clip(jnp.asarray(left), 0.0, LANE_GOES_ON)
-    return (
-        *_room(speed, beside),
-        jnp.minimum(jnp.asarray(beside.ready), LONGEST_READY) / 2.0,
-        speed / 10.0,
-        jnp.exp(-left / SOON),
-        jnp.minimum(left / jnp.maximum(speed, 1.0), LONGEST) / 10.0,
-        jnp.exp(-jnp.maximum(into, 0.0) / FRESH),
-        *_lateral(jnp.asarray(offset), jnp.asarray(approach), jnp.asarray(time)),
-    )
-
-
-def _room(speed: Float[Array, "*#scene"], beside: Beside) -> tuple[Float[Array, "*#scene"], ...]:
-    """Returns how large the gaps ahead and behind are, how fast they open and close, and how tight they will be."""
-    lead, lag = jnp.asarray(beside.lead_gap), jnp.asarray(beside.lag_gap)
-    lead_in, lag_in = jnp.clip(lead, NEAREST, FARTHEST), jnp.clip(lag, NEAREST, FARTHEST)
-    closing, closed = speed - jnp.asarray(beside.lead_speed), jnp.asarray(beside.lag_speed) - speed
-    tightest = jnp.minimum(lead - LOOKAHEAD * closing, lag - LOOKAHEAD * closed)
-    return (
-        jnp.log(lead_in / 10.0),
-        jnp.log(lag_in / 10.0),
-        jnp.where(lead < NEAREST, 1.0, 0.0),
-        jnp.where(lag < NEAREST, 1.0, 0.0),
-        jnp.clip(closing, 0.0, 10.0) / 5.0,
-        jnp.clip(-closing, 0.0, 10.0) / 5.0,
-        jnp.clip(closed, 0.0, 10.0) / 5.0,
-        jnp.clip(-closed, 0.0, 10.0) / 5.0,
-        jnp.minimum(jnp.maximum(closing, 0.0) ** 2 / (2.0 * lead_in), HARDEST) / 2.0,
-        jnp.minimum(jnp.maximum(closed, 0.0) ** 2 / (2.0 * lag_in), HARDEST) / 2.0,
-        jnp.clip(tightest, -WELL, WELL) / WELL,
-    )
-
-
-def _lateral(
-    offset: Float[Array, "*#scene"], approach: Float[Array, "*#scene"], time: Float[Array, "*#scene"]
-) -> tuple[Float[Array, "*#scene"], ...]:
-    """Returns how near the line it is, whether it crosses it about now if it goes on so, and whether it has by then."""
-    fading = jnp.exp(-time / INTENT)
-    arrival = jnp.maximum(offset, 0.0) / jnp.maximum(approach, MOVING) - time
-    about_now, by_now = jnp.exp(-0.5 * (arrival / ARRIVAL) ** 2), jnp.where(arrival < 0.0, fading, 0.0)
-    moves = approach > MOVING
-    return fading * (UNKNOWN_OFFSET - offset), jnp.where(moves, about_now, 0.0), jnp.where(moves, by_now, 0.0)
 
 
 def merge_zone(

@@ -1,17 +1,13 @@
 """One IDM for all drivers: a platoon driven along as a chain, and the fit of its parameters to positions."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
-from rampcast.compute import jax, jnp, over_blocks, program
 from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
 from rampcast.physics import idm
-from rampcast.physics.gap import net_gap
 from rampcast.traffic.platoons import Platoons, known_lengths
 
 START = (2.0, 1.2, 1.0, 2.0, 20.0, 4.0)  # about the values of Treiber, Hennecke and Helbing 2000
@@ -33,9 +29,7 @@ def roll_chain(
         platoons: at least one.
         leaders: how many of the vehicles ahead count.
     """
-    rows = [np.ascontiguousarray(values) for values in _states_now(platoons, leaders)]
-    (displacement,) = over_blocks(partial(_rolled, parameters), rows)
-    return displacement
+    return _chain(parameters, _states_now(platoons, leaders))
 
 
 def fit_pooled_driver(
@@ -61,8 +55,11 @@ def fit_pooled_driver(
         return np.array(START)
     rows = rows[:: -(-len(rows) // MOST_CASES)]
     states = _states_now(platoons.select(rows), leaders)
-    ahead = None if leader_truth is None else true_leader(platoons.select(rows), leader_truth[rows])
-    return _least_squares(partial(_displacements, states=states, ahead=ahead), truth[rows], seen[rows])
+    if leader_truth is None:
+        return _least_squares(lambda driver: _chain(driver, states), truth[rows], seen[rows])
+    ahead = true_leader(platoons.select(rows), leader_truth[rows])
+    v, length = states[1][:, 0], states[2][:, 1]
+    return _least_squares(lambda driver: _behind(driver, v, length, *ahead), truth[rows], seen[rows])
 
 
 def true_leader(
@@ -92,58 +89,6 @@ def _states_now(platoons: Platoons, leaders: int) -> tuple[np.ndarray, ...]:
     return x, v, known_lengths(platoons)[:, some], present
 
 
-@program
-def _rolled(
-    parameters: Float[ArrayLike, "param"],
-    x: Float[ArrayLike, "platoon place"],
-    v: Float[ArrayLike, "platoon place"],
-    length: Float[ArrayLike, "platoon place"],
-    present: Bool[ArrayLike, "platoon place"],
-) -> tuple[Float[Array, "platoon step"]]:
-    """Returns the displacement of the vehicle in place 0 after each step."""
-    record = idm.Parameters(*jnp.asarray(parameters))
-    lowest, highest = idm.limits(record)
-    lengths = jnp.asarray(length).T[1:]
-    led = jnp.asarray(present).T[1:]
-
-    def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Array]:
-        x, v = state
-        gap = net_gap(x[:-1], x[1:], lengths)
-        a = idm.acceleration(record, speed=v[:-1], leader_speed=v[1:], gap=gap)
-        a = jnp.where(led, jnp.clip(a, lowest, highest), 0.0)
-        v = jnp.concatenate([jnp.maximum(v[:-1] + a * STEP, 0.0), v[-1:]])
-        x = x + v * STEP
-        return (x, v), x[0]
-
-    start = (jnp.asarray(x, dtype=float).T, jnp.asarray(v, dtype=float).T)
-    _, xs = jax.lax.scan(step, start, None, length=FUTURE)
-    return (xs.T,)
-
-
-@program
-def _follow(
-    parameters: Float[ArrayLike, "param"],
-    v: Float[ArrayLike, "platoon"],
-    length: Float[ArrayLike, "platoon"],
-    leader_x: Float[ArrayLike, "platoon step"],
-    leader_v: Float[ArrayLike, "platoon step"],
-) -> tuple[Float[Array, "platoon step"]]:
-    """Returns the displacement of a follower behind a given leader after each step."""
-    record = idm.Parameters(*jnp.asarray(parameters))
-    lowest, highest = idm.limits(record)
-
-    def step(state: tuple[Array, Array], ahead: tuple[Array, Array]) -> tuple[tuple[Array, Array], Array]:
-        x, v = state
-        a = idm.acceleration(record, speed=v, leader_speed=ahead[1], gap=net_gap(x, ahead[0], length))
-        v = jnp.maximum(v + jnp.clip(a, lowest, highest) * STEP, 0.0)
-        x = x + v * STEP
-        return (x, v), x
-
-    speed = jnp.asarray(v, dtype=float)
-    _, xs = jax.lax.scan(step, (jnp.zeros_like(speed), speed), (jnp.asarray(leader_x).T, jnp.asarray(leader_v).T))
-    return (xs.T,)
-
-
 def follow_true_leader(
     parameters: Float[np.ndarray, "param"], platoons: Platoons, leader_truth: Float[np.ndarray, "platoon step"]
 ) -> Float[np.ndarray, "platoon step"]:
@@ -158,41 +103,44 @@ def follow_true_leader(
     _, v, length, present = _states_now(platoons, 1)
     whole = present[:, 1]
     leader_x, leader_v = np.where(whole[:, None], leader_x, 0.0), np.where(whole[:, None], leader_v, 0.0)
-    rows = (v[:, 0], length[:, 1], leader_x, leader_v)
-    (displacement,) = over_blocks(partial(_follow, parameters), rows)
+    displacement = _behind(parameters, v[:, 0], length[:, 1], leader_x, leader_v)
     known = whole[:, None] & np.logical_and.accumulate(np.isfinite(leader_truth), axis=1)
     return np.where(known, displacement, np.nan)
 
 
-def _displacements(
-    parameters: Array,
-    *,
-    states: tuple[np.ndarray, ...],
-    ahead: tuple[np.ndarray, np.ndarray] | None,
-) -> Float[Array, "platoon step"]:
-    if ahead is None:
-        return _rolled(parameters, *states)[0]
-    return _follow(parameters, states[1][:, 0], states[2][:, 1], *ahead)[0]
+def _chain(driver: Float[np.ndarray, "param"], states: tuple[np.ndarray, ...]) -> Float[np.ndarray, "platoon step"]:
+    from rampcast.models.driver_loops import chain  # numba: only who drives waits for it
+
+    found = np.empty((len(states[0]), FUTURE))
+    chain(driver, *states, found)
+    return found
+
+
+def _behind(
+    driver: Float[np.ndarray, "param"],
+    v: Float[np.ndarray, "platoon"],
+    length: Float[np.ndarray, "platoon"],
+    leader_x: Float[np.ndarray, "platoon step"],
+    leader_v: Float[np.ndarray, "platoon step"],
+) -> Float[np.ndarray, "platoon step"]:
+    from rampcast.models.driver_loops import behind  # numba, as above
+
+    found = np.empty((len(v), 1, FUTURE))
+    behind(driver[None], v, length, leader_x, leader_v, found)
+    return found[:, 0]
 
 
 def _least_squares(
-    displacements: Callable[[Array], Array],
+    displacements: Callable[[Float[np.ndarray, "param"]], Float[np.ndarray, "platoon step"]],
     truth: Float[np.ndarray, "platoon step"],
     seen: Bool[np.ndarray, "platoon step"],
 ) -> Float[np.ndarray, "param"]:
     # at whole seconds, as the scores are
     seen, truth = seen[:, WHOLE_SECONDS], np.where(seen, truth, 0.0)[:, WHOLE_SECONDS]
-
-    @program
-    def residual(parameters: Array) -> Array:
-        return jnp.where(seen, displacements(parameters)[:, WHOLE_SECONDS] - truth, 0.0).ravel()
-
-    slope = program(jax.jacfwd(residual))
     low, high = np.array([(bound.low, bound.high) for bound in idm.NET_BOUNDS]).T
     fit = least_squares(
-        lambda p: np.asarray(residual(p)),
+        lambda driver: (displacements(driver)[:, WHOLE_SECONDS] - truth)[seen],
         np.array(START),
-        jac=lambda p: np.asarray(slope(p)),
         bounds=(low, high),
         x_scale=high - low,
         loss="soft_l1",

@@ -51,11 +51,11 @@ def _normal(
     table: Float[np.ndarray, "row column"], quantiles: Float[np.ndarray, "rank column"]
 ) -> Float[np.ndarray, "row column"]:
     """Returns normal scores; in the middle of its ranks where a value is several quantiles at once."""
-    ranks = np.empty(table.shape)
-    for number, (values, known) in enumerate(zip(table.T, quantiles.T, strict=True)):
-        first, last = np.interp(values, known, RANKS), 1.0 - np.interp(-values, -known[::-1], RANKS)
-        ranks[:, number] = (first + last) / 2.0
-    return ndtri(ranks)
+    from rampcast.models.tree_loops import ranks  # numba: only who predicts waits for it
+
+    found = np.empty(table.shape)
+    ranks(np.ascontiguousarray(table), quantiles, RANKS, found)
+    return ndtri(found)
 
 
 def _beyond(

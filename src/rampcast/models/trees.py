@@ -16,9 +16,9 @@ from jaxtyping import Array, Bool, Float, Int, Int32
 
 from rampcast.compute import blocks, computing, jax, jnp, padded, program
 from rampcast.errors import ModelError
+from rampcast.threads import shared_out
 
-TOGETHER: Final = 1 << 17  # walks at a time: their arrays stay in a processor's cache
-
+LEAST_SHARE: Final = 1000  # rows of a thread
 # Scenes are padded to one of these numbers, so that a new number does not compile again; beside it the number of trees
 # that are walked together. Measured: few scenes need many trees to be worth an array operation, many scenes need few,
 # for their nodes to stay in the cache.
@@ -99,18 +99,13 @@ class Trees:
         """Returns the leaf of each tree in which each row ends."""
         if table.shape[1] != self.columns:
             raise ValueError(f"expected {self.columns} columns, got {table.shape[1]}")
-        together = max(1, TOGETHER // max(len(self.root), 1))
-        parts = [self._leaves(table[first : first + together]) for first in range(0, len(table), together)]
-        return np.concatenate(parts) if parts else np.zeros((0, len(self.root)), np.int32)
+        from rampcast.models.tree_loops import leaves  # numba: only who predicts waits for it
 
-    def _leaves(self, table: Float[np.ndarray, "row column"]) -> Int[np.ndarray, "row tree"]:
-        values = np.ascontiguousarray(table, dtype=self.threshold.dtype).ravel()
-        start = (np.arange(len(table)) * self.columns)[:, None]
-        node = np.broadcast_to(self.root, (len(table), len(self.root)))
-        for _ in range(self.depths.max(initial=0)):
-            x = values[start + self.feature[node]]
-            node = self.left[node] + np.where(np.isnan(x), ~self.missing_left[node], x > self.threshold[node])
-        return node
+        found = np.empty((len(table), len(self.root)), np.int32)
+        values = np.ascontiguousarray(table, dtype=self.threshold.dtype)
+        nodes = (self.feature, self.threshold, self.missing_left, self.left, self.root)
+        shared_out(lambda rows: leaves(values[rows], *nodes, found[rows]), len(table), least=LEAST_SHARE)
+        return found
 
 
 @dataclass(frozen=True)

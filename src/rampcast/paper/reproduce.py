@@ -20,8 +20,8 @@ from rampcast import __version__
 from rampcast.arguments import chosen
 from rampcast.errors import RecordingError
 from rampcast.files import write_table, write_whole
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.protocol import Progress, RecordingForecaster, tell_nobody
 from rampcast.forecast.storage import save
 from rampcast.forecast.tags import TAGS as OUR_TAGS
@@ -82,9 +82,7 @@ class Protocol:
 
 
 DEMO = Protocol(
-    ours=ForecasterSpec(
-        spacing=10.0, scene=PlatoonForecasterSpec(samples=50, folds=4, correction=CorrectionSpec(trees=60))
-    ),
+    ours=ForecasterSpec(spacing=10.0, model=CalibratedSpec(samples=50, folds=3, correction=CorrectionSpec(trees=60))),
     paper=PaperSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=15),
     every=5.0,
 )

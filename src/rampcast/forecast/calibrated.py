@@ -1,0 +1,307 @@
+"""Joint roll-outs, corrected and calibrated: every vehicle's samples moved to where vehicles like it really were.
+
+What a band is learned from comes from models (drivers, hazard, forest, correction) that saw neither the vehicle nor its
+minutes. The moves keep the order of a vehicle's samples, and `projection` keeps the traffic one that is possible.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rampcast.forecast.learning import Base, Training, fit_base, merge_rates
+from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_average, sharing
+from rampcast.models.correction import KNOTS, Correction, CorrectionSpec, Rolled, fit_correction
+from rampcast.models.merge_features import merge_table, platoon_table, regimes
+from rampcast.threads import shared_out
+from rampcast.traffic.around import joined
+from rampcast.traffic.merge_scenes import MergeScenes
+from rampcast.traffic.situation import NOBODY, Situation
+
+SPREAD = (0.1, 0.5, 0.9)  # levels of the median, and of the quantiles whose distance is the spread
+FEWEST_UNMERGED = 5  # samples of which quantiles are taken
+CHUNK = 1500  # vehicles at a time: 100 samples of them are 45 MB
+CORRECTION = CorrectionSpec()
+Tell = Callable[[int, int], None]  # stages done, stages in all
+
+
+@dataclass(frozen=True)
+class CalibratedSpec:
+    """What may be chosen.
+
+    Attributes:
+        samples: futures of each vehicle.
+        folds: of the cross-fits.
+        correction: sizes of its trees; None leaves the roll-outs as they are.
+    """
+
+    samples: int = 100
+    folds: int = 5
+    correction: CorrectionSpec | None = CORRECTION
+
+
+SPEC = CalibratedSpec()
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Fitted roll-outs with their corrections.
+
+    Attributes:
+        spec: what was chosen.
+        base: the roll-out.
+        in_lane, merging: corrections of vehicles without and with a lane to merge into; None without.
+        beyond: whether training vehicles were seen after they merged. If not, nothing is known of where they go then,
+            and the places of vehicles with a lane to merge into are those of samples that have not merged yet.
+    """
+
+    spec: CalibratedSpec
+    base: Base
+    in_lane: Correction | None
+    merging: Correction | None
+    beyond: bool
+
+    def futures(
+        self,
+        situation: Situation,
+        scenes: MergeScenes,
+        vehicle: Int[np.ndarray, "row"],
+        follow: Int[np.ndarray, "vehicle"],
+        *,
+        samples: int | None = None,
+    ) -> tuple[Beginning, Driven]:
+        """Returns sampled futures of all vehicles of a situation, moved to where they are calibrated.
+
+        Args:
+            situation: of one or more moments.
+            scenes: of the vehicles that are corrected.
+            vehicle: place of each of these in the situation.
+            follow: which of these (a row) each vehicle of the situation is moved like; `NOBODY` for one that is not.
+            samples: how many; None for those of the spec.
+        """
+        samples = samples or self.spec.samples
+        rate = merge_rates(self.base, situation, scenes, vehicle)
+        beginning = begin(self.base.roll_out, situation)
+        driven = drive(self.base.roll_out, beginning, samples=samples, seed=self.base.seed, rate=rate)
+        if self.in_lane is None and self.merging is None:
+            return beginning, driven
+        at_knots, lane = (values[vehicle][:, :, KNOTS] for values in (driven.x, driven.lane))
+        counts = self._counts(situation, vehicle, lane)
+        rolled = rolled_of(self.base, beginning, scenes, vehicle, at_knots, lane, counts)
+        moves = self._moves(rolled, scenes, at_knots, counts, beginning.start.x[vehicle])
+        shift = np.concatenate([moves, np.zeros((1, *moves.shape[1:]), np.float32)])[follow]
+        self._project(beginning, shift, driven)
+        return beginning, driven
+
+    def _counts(
+        self, situation: Situation, vehicle: Int[np.ndarray, "row"], lane: Int[np.ndarray, "row sample knot"]
+    ) -> Bool[np.ndarray, "row sample knot"]:
+        if self.beyond:
+            return np.ones(lane.shape, dtype=bool)
+        return unmerged(situation, vehicle, lane)
+
+    def _moves(
+        self,
+        rolled: "RolledRows",
+        scenes: MergeScenes,
+        x: Float[np.ndarray, "row sample knot"],
+        counts: Bool[np.ndarray, "row sample knot"],
+        start: Float[np.ndarray, "row"],
+    ) -> Float[np.ndarray, "row sample knot"]:
+        from rampcast.forecast.projection import ANCHORS, shifts  # numba: only who forecasts waits for it
+
+        moves = np.zeros(x.shape, np.float32)
+        for correction, merging in ((self.in_lane, False), (self.merging, True)):
+            rows = np.flatnonzero(scenes.may_merge == merging)
+            if correction is None or not len(rows):
+                continue
+            wanted = correction.quantiles(rolled.of(rows, merging=merging))[:, :, ANCHORS]
+            wanted = np.maximum.accumulate(np.maximum(wanted, 0.0), axis=1) + start[rows, None, None]
+            part = np.empty((len(rows), *x.shape[1:]), np.float32)
+            _in_shares(shifts, (x[rows], counts[rows], wanted, part))
+            moves[rows] = part
+        return moves
+
+    def _project(self, beginning: Beginning, shift: Float[np.ndarray, "vehicle sample knot"], driven: Driven) -> None:
+        from rampcast.forecast.projection import OVER_TIME, project
+
+        fastest = np.maximum(self.base.roll_out.limit, beginning.start.v)
+        start = beginning.start
+
+        def work(task: tuple[int, int, int, int]) -> None:
+            project(start, fastest, shift, OVER_TIME, task[:2], task[2:], driven.x, driven.lane)
+
+        sharing(work, len(start.first) - 1, driven.x.shape[1])
+
+
+def _in_shares(loops: Callable[..., None], arrays: Sequence[np.ndarray]) -> None:
+    shared_out(lambda rows: loops(*(values[rows] for values in arrays)), len(arrays[0]))
+
+
+@dataclass(frozen=True)
+class RolledRows:
+    """Roll-outs of some vehicles, as the corrections see them; see `models.correction.Rolled`.
+
+    Attributes:
+        platoons, merges: features of each as one of a lane, and as one that merges.
+        average: displacement at the knots of the average driver [m].
+        median, spread: of the samples' displacements at the knots [m].
+        merged: share of them that has merged by then.
+        regime: see `merge_features.Regime`.
+    """
+
+    platoons: Float[np.ndarray, "row feature"]
+    merges: Float[np.ndarray, "row feature"]
+    average: Float[np.ndarray, "row knot"]
+    median: Float[np.ndarray, "row knot"]
+    spread: Float[np.ndarray, "row knot"]
+    merged: Float[np.ndarray, "row knot"]
+    regime: Int[np.ndarray, "row"]
+
+    def of(self, rows: Int[np.ndarray, "chosen"], *, merging: bool) -> Rolled:
+        """Returns those rows as a correction sees them."""
+        features = np.column_stack([self.merges, self.merged]) if merging else self.platoons
+        return Rolled(
+            features=features[rows],
+            chains=self.average[rows][:, :, None],
+            median=self.median[rows],
+            spread=self.spread[rows],
+            regime=self.regime[rows],
+        )
+
+
+def fit_calibrated(
+    training: Training, *, seed: int = 1, spec: CalibratedSpec = SPEC, tell: Tell | None = None
+) -> Calibrated:
+    """Returns what the training vehicles teach.
+
+    Args:
+        training: see there.
+        seed: of samples and trees.
+        spec: what may be chosen.
+        tell: called when a stage is done.
+    """
+    tell = tell or (lambda done, stages: None)
+    beyond = bool((training.seen_for > training.change_time + 0.1).any())
+    stages = 1 if spec.correction is None else spec.folds + 3
+    tell(0, stages)
+    base = fit_base(training, seed=seed)
+    plain = Calibrated(spec, base, None, None, beyond)
+    tell(1, stages)
+    if spec.correction is None:
+        return plain
+    parts, order = [], []
+    folds = training.folds(spec.folds)
+    for number, (train, test) in enumerate(folds, start=1):
+        unseen = fit_base(training.select(train), seed=seed) if len(train) else base
+        parts.append(rolled_rows(replace(plain, base=unseen), training.select(test)))
+        order.append(test)
+        tell(1 + number, stages)
+    rolled = joined(parts)
+    back = np.argsort(np.concatenate(order), kind="stable")
+    rolled = RolledRows(**{one.name: getattr(rolled, one.name)[back] for one in fields(RolledRows)})
+    in_lane = _corrected(training, rolled, np.flatnonzero(~training.scenes.may_merge), False, seed, spec)
+    tell(spec.folds + 2, stages)
+    merging = _corrected(training, rolled, np.flatnonzero(training.merging), True, seed, spec)
+    tell(stages, stages)
+    return replace(plain, in_lane=in_lane, merging=merging)
+
+
+def _corrected(
+    training: Training,
+    rolled: RolledRows,
+    rows: Int[np.ndarray, "chosen"],
+    merging: bool,
+    seed: int,
+    spec: CalibratedSpec,
+) -> Correction | None:
+    if not len(rows) or spec.correction is None:
+        return None
+    some = training.select(rows)
+    truth = some.truth[:, KNOTS]
+    return fit_correction(
+        rolled.of(rows, merging=merging), truth, group=some.group, folds=some.folds(spec.folds), seed=seed,
+        spec=spec.correction,
+    )  # fmt: skip
+
+
+def rolled_rows(model: Calibrated, training: Training) -> RolledRows:
+    """Returns the roll-outs of the training vehicles, a few moments at a time."""
+    parts = []
+    for some in _chunks(training):
+        situation, vehicle = some.situation, some.vehicle
+        rate = merge_rates(model.base, situation, some.scenes, vehicle)
+        beginning = begin(model.base.roll_out, situation)
+        wanted = np.zeros(situation.first[-1], dtype=bool)
+        wanted[vehicle] = True
+        place = np.cumsum(wanted)[vehicle] - 1
+        driven = drive(
+            model.base.roll_out, beginning, samples=model.spec.samples, seed=model.base.seed, rate=rate, wanted=wanted
+        )
+        lane = driven.lane[place][:, :, KNOTS]
+        counts = np.ones(lane.shape, dtype=bool) if model.beyond else unmerged(situation, vehicle, lane)
+        at_knots = driven.x[place][:, :, KNOTS]
+        parts.append(rolled_of(model.base, beginning, some.scenes, vehicle, at_knots, lane, counts))
+    return joined(parts)
+
+
+def _chunks(training: Training) -> Iterator[Training]:
+    """Yields the training vehicles of a few moments at a time, in their order."""
+    moment = training.situation.moment[training.vehicle]
+    size = np.diff(training.situation.first)[moment]
+    new = np.append(True, np.diff(moment) != 0)
+    number = np.cumsum(np.where(new, size, 0)) // CHUNK
+    for edge in np.unique(number):
+        yield training.select(np.flatnonzero(number == edge))
+
+
+def unmerged(
+    situation: Situation, vehicle: Int[np.ndarray, "row"], lane: Int[np.ndarray, "row sample knot"]
+) -> Bool[np.ndarray, "row sample knot"]:
+    """Returns which samples have not merged; where too few have not, all."""
+    target = situation.target[situation.moment[vehicle], situation.lane[vehicle]]
+    still = (target == NOBODY)[:, None, None] | (lane != target[:, None, None])
+    few = still.sum(axis=1, keepdims=True) < FEWEST_UNMERGED
+    return still | few
+
+
+def rolled_of(
+    base: Base,
+    beginning: Beginning,
+    scenes: MergeScenes,
+    vehicle: Int[np.ndarray, "row"],
+    x: Float[np.ndarray, "row sample knot"],
+    lane: Int[np.ndarray, "row sample knot"],
+    counts: Bool[np.ndarray, "row sample knot"],
+) -> RolledRows:
+    """Returns roll-outs as the corrections see them."""
+    situation = beginning.situation
+    start = beginning.start.x[vehicle]
+    target = situation.target[situation.moment[vehicle], situation.lane[vehicle]]
+    low, median, high = counted_quantiles(x, counts, SPREAD)
+    average = drive_average(base.roll_out, beginning)[vehicle][:, KNOTS] - start[:, None]
+    return RolledRows(
+        platoons=platoon_table(scenes.own),
+        merges=merge_table(scenes),
+        average=average,
+        median=median - start[:, None],
+        spread=high - low,
+        merged=((target != NOBODY)[:, None, None] & (lane == target[:, None, None])).mean(axis=1),
+        regime=regimes(scenes.own),
+    )
+
+
+def counted_quantiles(
+    x: Float[np.ndarray, "row sample knot"], counts: Bool[np.ndarray, "row sample knot"], levels: tuple[float, ...]
+) -> tuple[Float[np.ndarray, "row knot"], ...]:
+    """Returns quantiles over the samples that count; see `Forecast.quantiles`."""
+    ordered = np.sort(np.where(counts, x, np.inf).astype(float), axis=1)
+    count = counts.sum(axis=1, keepdims=True)
+    found = []
+    for level in levels:
+        place = np.clip(level * (count + 1) - 1.0, 0.0, count - 1)
+        left = place.astype(np.int64)
+        low, high = (np.take_along_axis(ordered, np.minimum(left + n, count - 1), axis=1)[:, 0] for n in (0, 1))
+        found.append(low + (high - low) * (place - left)[:, 0])
+    return tuple(found)

@@ -1,0 +1,197 @@
+"""What vehicles of recordings teach a roll-out: drivers, what they do beside their law, heads, and merges."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from rampcast.forecast.roll_out import Manners, RollOut, begin, drive, drive_waiting
+from rampcast.horizon import FUTURE, STEP
+from rampcast.models.disturbance import fit_disturbance
+from rampcast.models.drivers import DriverPrior, fit_drivers
+from rampcast.models.folds import Fold, time_folds
+from rampcast.models.merge_features import merge_columns
+from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
+from rampcast.models.merging import NEVER, fit_merge_hazard, merge_zone
+from rampcast.models.platoon_head import fit_head
+from rampcast.traffic.merge_scenes import MergeScenes
+from rampcast.traffic.platoons import HISTORY
+from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
+
+PASSES = 2  # of learning the hazard: the second with those ahead merging by the first
+LEARNING_SAMPLES = 4  # futures of each training vehicle that the hazard is learned from
+FEW_SAMPLES = 25  # futures by which a hazard is compared with the forest
+SPEED_MARGIN = 1.1  # the speed limit over the highest speed in training
+LEAST_RAMP = 100  # vehicles on the ramp behind a leader, at different moments: of fewer there is no prior of its own
+MOST_SCENES = 4000  # that the hazard is learned from; more say the same
+TIME = np.arange(1, FUTURE + 1) * STEP
+
+
+@dataclass(frozen=True)
+class Training:
+    """Training vehicles at moments t0: what was known, and what became of them.
+
+    Attributes:
+        situation: all vehicles of the moments.
+        vehicle: place of each training vehicle in the situation.
+        scenes: each training vehicle and those around it.
+        truth: displacements [m]; NaN where not seen.
+        leader_truth: front of the leaders that they have in their lane at t = 0, counted from the same places [m]; NaN
+            where not seen.
+        change_time: time to the lane change [s]; NaN where none was seen.
+        seen_for: time for which each was seen [s].
+        group: name of the vehicle, which begins with the number of its window; see `time_folds`.
+        t0: the moment in its window's clock [s]; NaN without a clock.
+        change_rate: of lane changes between main lanes [1/s].
+    """
+
+    situation: Situation
+    vehicle: Int[np.ndarray, "row"]
+    scenes: MergeScenes
+    truth: Float[np.ndarray, "row step"]
+    leader_truth: Float[np.ndarray, "row step"]
+    change_time: Float[np.ndarray, "row"]
+    seen_for: Float[np.ndarray, "row"]
+    group: Shaped[np.ndarray, "row"]
+    t0: Float[np.ndarray, "row"]
+    change_rate: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.vehicle)
+
+    @property
+    def in_lane(self) -> Float[np.ndarray, "row step"]:
+        """Returns the displacements until the lane change: after it a vehicle follows its leader of t = 0 no longer."""
+        until = np.where(np.isfinite(self.change_time), self.change_time, np.inf)
+        return np.where(TIME <= until[:, None], self.truth, np.nan)
+
+    @property
+    def merging(self) -> Bool[np.ndarray, "row"]:
+        """Returns who has a lane to merge into, and has not yet."""
+        return self.scenes.may_merge & ~(self.change_time <= 0.0)
+
+    def select(self, rows: Int[np.ndarray, "chosen"]) -> "Training":
+        """Returns those training vehicles, and the moments that they are in."""
+        moment = self.situation.moment[self.vehicle[rows]]
+        moments, place = np.unique(moment, return_inverse=True)
+        situation = self.situation.select(moments)
+        vehicle = self.vehicle[rows] - self.situation.first[moment] + situation.first[place]
+        arrays = {one.name: getattr(self, one.name) for one in fields(self)}
+        chosen = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
+        scenes = self.scenes.select(rows)
+        return replace(self, **(chosen | {"situation": situation, "vehicle": vehicle, "scenes": scenes}))
+
+    def folds(self, count: int) -> list[Fold]:
+        """Returns blocks of vehicles and time, each tested once; see `time_folds`."""
+        begins, ends = self.t0 - (HISTORY - 1) * STEP, self.t0 + FUTURE * STEP
+        return time_folds(self.group, begins, ends, count=min(count, len(set(self.group.tolist()))))
+
+
+@dataclass(frozen=True)
+class Base:
+    """A roll-out, and the forest that its hazards are brought to.
+
+    Attributes:
+        roll_out: see there.
+        forest: how likely vehicles like each merge by each moment; None where nobody merges.
+        seed: of the samples.
+    """
+
+    roll_out: RollOut
+    forest: MergeForest | None
+    seed: int
+
+
+def fit_base(training: Training, *, seed: int) -> Base:
+    """Returns the roll-out, and its forest, that the training vehicles teach."""
+    scenes, truth, leader_truth = training.scenes, training.in_lane, training.leader_truth
+    ramp = np.flatnonzero(scenes.may_merge)
+    main = np.flatnonzero(~scenes.may_merge) if len(ramp) < len(scenes) else ramp
+    prior, of_ramp = _priors(training, main, ramp)
+    own = scenes.own.select(main)
+    model = RollOut(
+        main=prior,
+        ramp=of_ramp,
+        disturbance=fit_disturbance(prior, own, truth[main], leader_truth[main]),
+        head=fit_head(prior.centre, scenes.own, truth, leader_truth),
+        hazard=NEVER,
+        manners=Manners(change_rate=training.change_rate),
+        limit=SPEED_MARGIN * float(scenes.own.v[scenes.own.valid].max()),
+    )
+    merging = np.flatnonzero(training.merging)
+    if not len(merging):
+        return Base(model, None, seed)
+    some = training.select(merging[:: -(-len(merging) // MOST_SCENES)])
+    model = _with_hazard(model, some, seed)
+    return Base(model, _forest(model, some, seed), seed)
+
+
+def _priors(
+    training: Training, main: Int[np.ndarray, "row"], ramp: Int[np.ndarray, "row"]
+) -> tuple[DriverPrior, DriverPrior]:
+    """Returns the drivers of main lanes and of the ramp; the same where too few were seen there."""
+
+    def fitted(rows: Int[np.ndarray, "row"]) -> DriverPrior:
+        return fit_drivers(training.scenes.own.select(rows), training.in_lane[rows], training.leader_truth[rows])
+
+    prior = fitted(main)
+    led = training.scenes.own.depth[ramp] > 0
+    enough = len(main) != len(ramp) and led.sum() >= LEAST_RAMP
+    return prior, fitted(ramp) if enough else prior
+
+
+def _with_hazard(model: RollOut, training: Training, seed: int) -> RollOut:
+    """Returns the roll-out with the hazard of the training vehicles, all of which may merge."""
+    scenes, change_time, seen_for = training.scenes, training.change_time, training.seen_for
+    zone = merge_zone(scenes.to_end, training.truth, change_time)
+    model = replace(model, hazard=replace(NEVER, first=zone[0], last=zone[1]))
+    situation = situation_of_scenes(scenes)
+    for _ in range(PASSES):
+        seen = drive_waiting(model, begin(model, situation), samples=LEARNING_SAMPLES, seed=seed)
+        hazard = fit_merge_hazard(seen.seen, change_time, seen_for, may=seen.can, zone=zone)
+        model = replace(model, hazard=hazard)
+    return model
+
+
+def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:
+    situation = situation_of_scenes(training.scenes)
+    first = np.zeros(situation.first[-1], dtype=bool)
+    first[situation.first[:-1]] = True
+    found = drive(model, begin(model, situation), samples=FEW_SAMPLES, seed=seed, wanted=first)
+    return fit_merge_forest(
+        merge_columns(training.scenes),
+        _by_then(found.chance),
+        change_time=training.change_time,
+        seen_for=training.seen_for,
+        group=training.group,
+        folds=training.folds(5),
+        seed=seed,
+    )
+
+
+def merge_rates(
+    base: Base, situation: Situation, scenes: MergeScenes, vehicle: Int[np.ndarray, "row"]
+) -> Float[np.ndarray, "vehicle step"] | None:
+    """Returns by what the hazard of every vehicle is multiplied, for the curves of the forest; None for no change.
+
+    Args:
+        base: see there.
+        situation: all vehicles.
+        scenes: of the vehicles whose curve is wanted.
+        vehicle: place of each of these in the situation.
+    """
+    may = np.flatnonzero(scenes.may_merge & (situation.target[situation.moment, situation.lane] != NOBODY)[vehicle])
+    if base.forest is None or base.forest.trees is None or not len(may):
+        return None
+    wanted = np.zeros(situation.first[-1], dtype=bool)
+    wanted[vehicle[may]] = True
+    found = drive(base.roll_out, begin(base.roll_out, situation), samples=FEW_SAMPLES, seed=base.seed, wanted=wanted)
+    place = np.cumsum(wanted)[vehicle[may]] - 1
+    rolled = _by_then(found.chance[place])
+    rate = np.ones((len(wanted), FUTURE))
+    rate[vehicle[may]] = rate_of(base.forest.curves(merge_columns(scenes.select(may)), rolled), rolled)
+    return rate
+
+
+def _by_then(chance: Float[np.ndarray, "row step"]) -> Float[np.ndarray, "row step"]:
+    return np.minimum(np.cumsum(chance, axis=1), 1.0)

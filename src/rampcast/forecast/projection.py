@@ -1,0 +1,165 @@
+"""Samples moved to where they are calibrated, all at once, so that they stay one possible future of the whole traffic.
+
+Each vehicle's samples are moved by a map that keeps their order (`shifts`). Moved alone they could overlap, reverse or
+leave a lane that has ended, so `project` drives all vehicles of a sample again, from downstream to upstream, each as
+near to its moved place as its leader, the end of its lane and what a vehicle can drive allow. A lane change waits for
+room, and whoever is beside waits for it.
+"""
+
+from typing import Any, no_type_check
+
+import numba
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
+
+from rampcast.horizon import FUTURE, STEP
+from rampcast.models.correction import KNOTS, LEVELS
+from rampcast.models.driver_loops import HARDEST, stopping
+
+ANCHORS = np.array([4, 24, 49, 74, 94])  # of `LEVELS`: 5, 25, 50, 75 and 95 %, between which samples move alike
+SAME = 0.02  # [m] by which samples are drawn apart that lie in one place, as those of a standing vehicle do
+SMOOTHING = 5  # steps over which moves are averaged: what a hundred samples' quantiles jump by is no acceleration
+STRONGEST = 5.0  # [m/s^2] that a car accelerates with at most
+NOBODY = -1
+
+
+def _over_time() -> Float[np.ndarray, "step knot"]:
+    """Returns how much of the move at each knot a move at each step is: straight between knots, averaged over 1 s."""
+    place = np.concatenate([[-1], KNOTS])
+    weight = np.stack([np.interp(np.arange(FUTURE), place, one) for one in np.eye(len(place))[1:]], axis=1)
+    return uniform_filter1d(weight, SMOOTHING, axis=0, mode="nearest")
+
+
+OVER_TIME = _over_time()
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def shifts(x: Any, counts: Any, wanted: Any, out: Any) -> None:
+    """Fills out with what moves the samples to the wanted quantiles.
+
+    Args:
+        x: places of samples [m], by row, sample and knot.
+        counts: whether a sample counts for its row's quantiles at a knot, likewise; all are moved.
+        wanted: quantiles at `ANCHORS`, by row, knot and anchor [m].
+        out: moves [m], likewise by row, sample and knot.
+    """
+    samples, anchors = x.shape[1], wanted.shape[2]
+    own = np.empty(anchors)
+    for row in range(x.shape[0]):
+        for knot in range(x.shape[2]):
+            number = 0
+            sorted_ = np.empty(samples)
+            for s in range(samples):
+                if counts[row, s, knot]:
+                    sorted_[number] = x[row, s, knot] + SAME * (s + 0.5) / samples
+                    number += 1
+            sorted_[:number].sort()
+            for j in range(anchors):
+                place = LEVELS[ANCHORS[j]] * (number + 1) - 1.0  # as `Forecast.quantiles`
+                left = min(max(int(place), 0), max(number - 2, 0))
+                share = min(max(place - left, 0.0), 1.0)
+                own[j] = sorted_[left] * (1.0 - share) + sorted_[min(left + 1, number - 1)] * share
+            for s in range(samples):
+                here = x[row, s, knot] + SAME * (s + 0.5) / samples
+                moved = wanted[row, knot, 0] + min(here - own[0], 0.0) + max(here - own[anchors - 1], 0.0)
+                for j in range(anchors - 1):
+                    width = max(own[j + 1] - own[j], SAME / samples)
+                    part = min(max((here - own[j]) / width, 0.0), 1.0)
+                    moved += part * (wanted[row, knot, j + 1] - wanted[row, knot, j])
+                out[row, s, knot] = moved - x[row, s, knot]
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _sort(order: Any, x: Any) -> None:
+    for j in range(1, len(order)):
+        i = order[j]
+        place = j
+        while place > 0 and x[order[place - 1]] > x[i]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = i
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _change(i: int, to: int, x: Any, lane: Any, length: Any, beside: Any) -> None:
+    """Moves a vehicle to a lane if there is room; else it, and who is behind it there, yield."""
+    ahead = behind = NOBODY
+    for n in range(len(x)):
+        if n == i or lane[n] != to:
+            continue
+        if x[n] > x[i] and (ahead == NOBODY or x[n] < x[ahead]):
+            ahead = n
+        elif x[n] <= x[i] and (behind == NOBODY or x[n] > x[behind]):
+            behind = n
+    room = ahead == NOBODY or x[ahead] - length[ahead] >= x[i]
+    room = room and (behind == NOBODY or x[i] - length[i] >= x[behind])
+    if room:
+        lane[i] = to
+        return
+    beside[i] = ahead
+    if behind != NOBODY:
+        beside[behind] = i
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def project(
+    start: Any, fastest: Any, shift: Any, over_time: Any, moments: Any, samples: Any, x: Any, lanes: Any
+) -> None:
+    """Moves the samples of the vehicles of some moments, in place.
+
+    Args:
+        start: see `roll_out_kernel.Start`.
+        fastest: speed that each vehicle does not exceed [m/s].
+        shift: moves at the knots, by vehicle, sample and knot [m].
+        over_time: see `OVER_TIME`.
+        moments, samples: first and stop of each.
+        x, lanes: fronts [m] and lanes of the roll-outs, by vehicle, sample and step.
+    """
+    for m in range(moments[0], moments[1]):
+        first, stop = start.first[m], start.first[m + 1]
+        n = stop - first
+        length, end = start.length[first:stop], start.end[m]
+        last, beside, moved = np.empty(end.shape[0], np.int64), np.empty(n, np.int64), np.empty(n)
+        for s in range(samples[0], samples[1]):
+            order, lane = start.order[first:stop].copy(), start.lane[first:stop].copy()
+            place, speed = start.x[first:stop].copy(), start.v[first:stop].copy()
+            for k in range(FUTURE):
+                beside[:] = NOBODY
+                for j in range(n - 1, -1, -1):
+                    i = order[j]
+                    to = lanes[first + i, s, k]
+                    if to != lane[i]:
+                        _change(i, to, place, lane, length, beside)
+                last[:] = NOBODY
+                for j in range(n - 1, -1, -1):
+                    i = order[j]
+                    wanted = x[first + i, s, k] * 1.0
+                    for knot in range(over_time.shape[1]):
+                        wanted += over_time[k, knot] * shift[first + i, s, knot]
+                    slow, fast = speed[i] - HARDEST * STEP, min(speed[i] + STRONGEST * STEP, fastest[first + i])
+                    wanted = min(max(wanted, place[i] + max(slow, 0.0) * STEP), place[i] + fast * STEP)
+                    wanted = min(wanted, stopping(place[i], end[lane[i]], 0.0))
+                    if last[lane[i]] != NOBODY:
+                        other = last[lane[i]]
+                        wanted = min(
+                            wanted,
+                            stopping(place[i], moved[other] - length[other], (moved[other] - place[other]) / STEP),
+                        )
+                    if beside[i] != NOBODY:
+                        other = beside[i]
+                        wanted = min(
+                            wanted,
+                            stopping(place[i], moved[other] - length[other], (moved[other] - place[other]) / STEP),
+                        )
+                    moved[i] = max(wanted, place[i])
+                    last[lane[i]] = i
+                for i in range(n):
+                    speed[i] = (moved[i] - place[i]) / STEP
+                    place[i] = moved[i]
+                    x[first + i, s, k], lanes[first + i, s, k] = place[i], lane[i]
+                _sort(order, place)
