@@ -1,6 +1,6 @@
 """What is forecast of vehicles of a recording, and the tables that it is written as."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,17 @@ class Forecast:
     def lane(self) -> Int[np.ndarray, "scene"]:
         """Returns that the lanes are not known."""
         return np.full(len(self), NO_LANE)
+
+    @property
+    def p_merged(self) -> Float[np.ndarray, "scene step"]:
+        """Returns the probability to have merged by each step."""
+        return self.scene.p_within
+
+    def select(self, rows: Int[np.ndarray, "row"]) -> "Forecast":
+        """Returns the forecasts of those scenes, in that order."""
+        scene = replace(self.scene, **{name: values[rows] for name, values in vars(self.scene).items()})
+        arrays = {name: getattr(self, name)[rows] for name in ("recording", "vehicle", "t0", "start")}
+        return replace(self, **arrays, scene=scene)
 
     @cached_property
     def x(self) -> dict[str, Float[np.ndarray, "scene future"]]:

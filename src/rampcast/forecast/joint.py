@@ -286,6 +286,12 @@ class Forecast:
         axes: dict[str, Any] = {"vehicle": self.vehicle, "horizon": ("horizon", horizon, {"units": "s"})}
         return xarray.Dataset(values, axes, attrs={"site": self.site.name, "t0": self.t0})
 
+    def plot(self, **asked: Any) -> Any:
+        """Returns the picture of `rc.plot(forecast, ...)`."""
+        import rampcast as rc
+
+        return rc.plot(self, **asked)
+
 
 @dataclass(frozen=True)
 class VehicleForecast:

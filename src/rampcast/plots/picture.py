@@ -1,6 +1,6 @@
 """The front door's picture: of whatever is given."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 import polars as pl
@@ -8,12 +8,14 @@ from matplotlib.figure import Figure
 
 from rampcast.errors import RampcastError
 from rampcast.forecast import Forecast
-from rampcast.forecast.protocol import RecordingForecast
+from rampcast.forecast.forecasts import Forecasts
+from rampcast.forecast.joint import Forecast as JointForecast
 from rampcast.plots import style
 from rampcast.plots.forecast_pictures import forecast_fan
 from rampcast.plots.site_geometry import site_geometry
 from rampcast.plots.site_picture import site_picture
 from rampcast.plots.tracks import space_time
+from rampcast.plots.traffic_pictures import traffic_fan
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.sites import Site
@@ -23,9 +25,9 @@ DIGITS = 1  # of times in tables [s]
 
 @style.styled
 def plot(
-    what: Forecast | RecordingForecast | Recording | Site,
+    what: Forecast | JointForecast | Forecasts | Recording | Site,
     *,
-    vehicle: int | None = None,
+    vehicle: Hashable | Sequence[Hashable] | None = None,
     t0: float | None = None,
     truth: Recording | None = None,
     lane: int | Sequence[int] | None = None,
@@ -34,21 +36,25 @@ def plot(
     """Returns the picture that shows what is given.
 
     A site: its lanes and its ramp. A raw recording: its site with tracks over it. A smoothed recording: position over
-    time, coloured by speed, in which a stop-and-go wave is a dark band. A forecast: of one vehicle at one moment, the
-    median, 50 % and 90 % of the futures, and the probability to have merged below.
+    time, coloured by speed, in which a stop-and-go wave is a dark band. A forecast of one moment: the medians of all
+    vehicles by lane, and the 50 % and 90 % bands of those that are asked for. Forecasts of many moments: one vehicle at
+    one of them, with the probability to have merged below.
 
     Args:
         what: to draw.
-        vehicle: of a forecast; None for its first.
-        t0: moment of a forecast [s]; None for the vehicle's first.
-        truth: recording that holds what the vehicle of a forecast did; None draws no truth.
+        vehicle: of a forecast of one moment, the vehicle or vehicles to draw bands of; of forecasts of many the one to
+            draw, None for the first.
+        t0: moment of forecasts of many [s]; None for the vehicle's first.
+        truth: recording that holds what the vehicles of a forecast did; None draws no truth.
         lane: of a smoothed recording, the lane or lanes to draw; None for the target lane, or all without a ramp.
-        window: of a forecast or a smoothed recording; None for the first.
+        window: of forecasts, their truth, or a smoothed recording; None for the first.
 
     Raises:
         RampcastError: it is none of these, or has no such window, vehicle or moment.
     """
-    if isinstance(what, Forecast):
+    if isinstance(what, JointForecast):
+        return _traffic(what, vehicle, window, truth)
+    if isinstance(what, Forecast | Forecasts):
         return _fan(what, vehicle, t0, window, truth)
     if isinstance(what, Site):
         lanes = site_geometry(what)
@@ -71,25 +77,44 @@ def _space_time(recording: Recording, lane: int | Sequence[int] | None, window: 
     return style.figure_of(drawn)
 
 
+def _traffic(
+    forecast: JointForecast, asked: Hashable | Sequence[Hashable] | None, window: str | None, truth: Recording | None
+) -> Figure:
+    vehicles = () if asked is None else asked if isinstance(asked, list | tuple) else (asked,)
+    for vehicle in vehicles:
+        forecast[vehicle]  # one that is not there is told with those that are
+    table, site = forecast.to_polars(), forecast.site
+    if truth is not None:
+        seen = _seen(truth.window(window or truth.names[0]), forecast.t0)
+        table = table.join(seen, on=["vehicle", "horizon"], how="left")
+    ax = traffic_fan(table, site, vehicles=vehicles)
+    style.add_title(ax, f"{site.title} at {forecast.t0:g} s: {len(forecast)} vehicles")
+    return style.figure_of(ax)
+
+
+def _seen(truth: Recording, t0: float) -> pl.DataFrame:
+    """Returns the columns vehicle, horizon [s] after t0, x_true [m] of a window."""
+    time = (pl.col(c.FRAME) * truth.time_step - t0).round(DIGITS)
+    return truth.tracks.select(c.VEHICLE, horizon=time, x_true=c.X).unique(["vehicle", "horizon"], maintain_order=True)
+
+
 def _fan(
-    forecast: Forecast, vehicle: int | None, t0: float | None, window: str | None, truth: Recording | None
+    forecast: Forecast | Forecasts, vehicle: object, t0: float | None, window: str | None, truth: Recording | None
 ) -> Figure:
     scene = _scene(forecast, vehicle, t0, window)
-    key = {c.RECORDING: str(forecast.recording[scene]), c.VEHICLE: int(forecast.vehicle[scene])}
-    moment, start = round(float(forecast.t0[scene]), DIGITS), float(forecast.start[scene])
-    table = forecast.position_table().filter(**key, t0=moment)
-    table = table.with_columns(p_within=pl.Series(forecast.scene.p_within[scene]))
+    name, own, moment = str(forecast.recording[scene]), forecast.vehicle[scene], float(forecast.t0[scene])
+    table = forecast.select(np.array([scene])).position_table()
+    table = table.with_columns(p_within=pl.Series(forecast.p_merged[scene]))
     seen = pl.DataFrame(schema={"horizon": pl.Float64, "x_true": pl.Float64})
-    if truth is not None:
-        time = (pl.col(c.FRAME) * truth.time_step - moment).round(DIGITS)
-        seen = truth.tracks.filter(**key).select(horizon=time, x_true=c.X)
-    places = pl.col("^x(_.*)?$") - start
+    if truth is not None and name in truth.names:
+        seen = _seen(truth.window(name), moment).filter(pl.col("vehicle") == own).drop("vehicle")
+    places = pl.col("^x(_.*)?$") - float(forecast.start[scene])
     fan = forecast_fan(table.join(seen, on="horizon", how="left").with_columns(places))
-    style.add_title(fan, f"Vehicle {key[c.VEHICLE]} of {key[c.RECORDING]} at {moment:g} s")
+    style.add_title(fan, f"Vehicle {own} of {name} at {moment:g} s")
     return style.figure_of(fan)
 
 
-def _scene(forecast: Forecast, vehicle: int | None, t0: float | None, window: str | None) -> int:
+def _scene(forecast: Forecast | Forecasts, vehicle: object, t0: float | None, window: str | None) -> int:
     """Returns the place in the forecast of the first scene that is asked for."""
     asked = np.ones(len(forecast), dtype=bool)
     asked &= (window is None) | (forecast.recording == window)
