@@ -14,12 +14,11 @@ from matplotlib.figure import Figure
 
 import rampcast as rc
 from rampcast.arguments import chosen, expected
-from rampcast.forecast.scene_forecaster import SceneForecast
-from rampcast.horizon import FUTURE
-from rampcast.models.correction import LEVELS
+from rampcast.forecast.forecasts import joined
 from rampcast.recording import read_recording
 from rampcast.simulate import shipped_sample
 from tests.factories import TEST_SITE
+from tests.forecast.forecasts_made_up import driving
 
 PACKAGE = Path(rc.__file__).parent
 HEAVY = ("equinox", "jax", "jinja2", "matplotlib", "numpy", "optax", "polars", "rich", "scipy", "sklearn", "typer")
@@ -72,27 +71,11 @@ def recording() -> rc.Recording:
     return read_recording(shipped_sample()[0])
 
 
-def standing_forecast(window: str) -> rc.Forecast:
-    """Returns a forecast of vehicles 7 and 8, which stand and never merge, with five futures each."""
-    futures, steps = np.zeros((2, 5, FUTURE), dtype=np.float32), np.zeros((2, FUTURE))
-    scene = SceneForecast(
-        samples=futures,
-        leader_rear=np.full_like(futures, np.nan),
-        follower_front=np.full_like(futures, np.nan),
-        length=np.full(2, 4.5),
-        merge_step=np.full((2, 5), FUTURE),
-        gap=np.zeros((2, 5), dtype=int),
-        chance=steps,
-        mean=steps,
-        quantiles=np.zeros((2, FUTURE, len(LEVELS))),
-    )
-    return rc.Forecast(
-        recording=np.array([window] * 2),
-        vehicle=np.array([7, 8]),
-        t0=np.array([4.0, 5.0]),
-        start=np.array([120.0, 130.0]),
-        scene=scene,
-    )
+def standing_forecasts(window: str) -> rc.Forecasts:
+    """Returns forecasts of vehicles 7 and 8, which stand and never merge, at 4 and 5 s."""
+    both = driving(start=[120.0, 130.0], lane=[7, 7], speed=[0.0, 0.0], merge=[None, None])
+    moments = [replace(both, vehicle=np.array([7, 8]), t0=t0) for t0 in (4.0, 5.0)]
+    return joined([one.reduced(np.array([row]), recording=window) for row, one in enumerate(moments)])
 
 
 def test_importing_the_package_imports_nothing_heavy():
@@ -158,13 +141,13 @@ def test_a_recording_and_a_site_are_tables_in_a_notebook(recording):
 
 
 def test_a_forecast_is_told_in_a_line_and_not_by_its_samples():
-    assert repr(standing_forecast("noon")) == "<Forecast of noon: 2 vehicles at a moment>"
+    assert repr(standing_forecasts("noon")) == "<Forecasts of noon: 2 vehicles at a moment>"
 
 
 def test_names_from_files_stay_text_in_a_notebook(recording):
     site = replace(TEST_SITE, name=HOSTILE, title=HOSTILE)
     shown_of_recording = replace(recording, site=site, source=HOSTILE)._repr_html_()
-    for shown in (site._repr_html_(), shown_of_recording, standing_forecast(HOSTILE)._repr_html_()):
+    for shown in (site._repr_html_(), shown_of_recording, standing_forecasts(HOSTILE)._repr_html_()):
         assert "<script" not in shown
         assert "&lt;script&gt;alert(&quot;ramp&quot;)&lt;/script&gt; &amp; &#x27;co&#x27;" in shown
 
@@ -182,7 +165,7 @@ def test_a_picture_shows_what_is_given(recording):
 
 
 def test_a_picture_of_a_forecast_shows_the_vehicle_and_moment_that_are_asked_for():
-    forecast = standing_forecast("noon")
+    forecast = standing_forecasts("noon")
     drawn = {key: rc.plot(forecast, vehicle=key).axes[0] for key in (None, 8)}
     titles = {key: ax.get_title(loc="left") for key, ax in drawn.items()}
     assert titles == {None: "Vehicle 7 of noon at 4 s", 8: "Vehicle 8 of noon at 5 s"}
@@ -193,4 +176,4 @@ def test_a_picture_of_a_forecast_shows_the_vehicle_and_moment_that_are_asked_for
 @pytest.mark.parametrize("asked", [{"vehicle": 9}, {"t0": 4.5}, {"window": "night"}, {"vehicle": 7, "t0": 5.0}])
 def test_a_forecast_that_is_not_there_is_answered_with_one_that_is(asked):
     with pytest.raises(rc.RampcastError, match=r"there are 2, the first of vehicle 7 at 4\.0 s"):
-        rc.plot(standing_forecast("noon"), **asked)
+        rc.plot(standing_forecasts("noon"), **asked)

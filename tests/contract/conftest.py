@@ -5,8 +5,8 @@ from functools import cache
 
 import pytest
 
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.framework import PaperForecaster, PaperSpec, fit_paper
 from rampcast.paper.laws.mode import Mode
@@ -15,7 +15,7 @@ from rampcast.paper.scenes import Scenes, build_scenes
 from rampcast.recording import Recording, clean, concatenate
 from tests.made_up_traffic import random_traffic
 
-SPEC = ForecasterSpec(spacing=2.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=6)))
+SPEC = ForecasterSpec(spacing=2.0, model=CalibratedSpec(samples=16, folds=2, correction=CorrectionSpec(trees=6)))
 PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=7, anchor_spacing=1.0, trees=4)
 
 

@@ -8,8 +8,8 @@ from rampcast.forecast.forecasts import joined
 from rampcast.forecast.protocol import RecordingForecast
 from rampcast.forecast.tables import BANDS, FILES
 from rampcast.horizon import FUTURE
-from tests.forecast.joint_made_up import RAMP, TARGET, driving, random_forecast
-from tests.forecast.test_joint import nobody
+from tests.forecast.forecasts_made_up import RAMP, TARGET, driving, random_forecast
+from tests.forecast.test_forecast import nobody
 
 KEYS = ["recording", "vehicle", "t0"]
 

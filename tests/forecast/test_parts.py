@@ -8,12 +8,12 @@ import pytest
 
 from rampcast.errors import RecordingError
 from rampcast.forecast import parts
+from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import joined
-from rampcast.forecast.joint import Forecast
 from rampcast.forecast.parts import moment_parts, write_forecasts
 from rampcast.horizon import FUTURE, STEP
 from rampcast.recording import clean, concatenate
-from tests.forecast.joint_made_up import random_forecast
+from tests.forecast.forecasts_made_up import random_forecast
 from tests.made_up_traffic import random_traffic
 
 

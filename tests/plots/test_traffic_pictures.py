@@ -12,7 +12,7 @@ from rampcast.errors import RampcastError
 from rampcast.plots.traffic_pictures import traffic_fan
 from rampcast.recording import Recording
 from tests.factories import TEST_SITE
-from tests.forecast.joint_made_up import RAMP, TARGET, driving, random_forecast
+from tests.forecast.forecasts_made_up import RAMP, TARGET, driving, random_forecast
 from tests.made_up_traffic import random_traffic
 from tests.plots.looking import assert_readable, legend_labels
 

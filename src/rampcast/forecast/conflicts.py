@@ -1,30 +1,22 @@
 """How likely a conflict is, counted in the samples of a forecast: by time to collision, braking, and encroachment.
 
-A conflict is one of the central vehicle with its leader or, once it has merged, of the vehicle behind with it. Speeds
-are those between two steps. A front or rear that goes back is another vehicle's, for nobody reverses; its speed is then
-that of the step after.
+A conflict is one of a vehicle with its leader or, once it has merged, of the vehicle behind with it. Speeds are those
+between two steps.
 """
 
 from dataclasses import dataclass
+from typing import Any, no_type_check
 
+import numba
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Float, Int
 
-from rampcast.compute import jax, jnp, over_blocks, program
+from rampcast.forecast.leaders import NOBODY, leaders
 from rampcast.horizon import STEP
-from rampcast.physics.safety import (
-    LEAST_POST_ENCROACHMENT,
-    LEAST_TIME_TO_COLLISION,
-    MOST_DECELERATION,
-    deceleration_to_avoid_crash,
-    post_encroachment_time,
-    time_to_collision,
-)
+from rampcast.physics.safety import LEAST_POST_ENCROACHMENT, LEAST_TIME_TO_COLLISION, MOST_DECELERATION
 
-BLOCKS = (8, 64)  # rows that programs are compiled for: 64 x 100 samples x 75 steps are a few MB an array
 SLOW = 1e-3  # [m/s]; who is slower stands
-LOOK_ON = round(LEAST_POST_ENCROACHMENT / STEP) + 1  # steps after the last in which a follower goes on at its speed
+LOOK_ON = round(LEAST_POST_ENCROACHMENT / STEP) + 1  # steps after a merge within which the vehicle behind may be there
 
 
 @dataclass(frozen=True)
@@ -38,100 +30,102 @@ class Conflicts:
             is below 2 s.
     """
 
-    time_to_collision: Float[np.ndarray, "scene step"]
-    deceleration: Float[np.ndarray, "scene step"]
-    encroachment: Float[np.ndarray, "scene"]
+    time_to_collision: Float[np.ndarray, "vehicle step"]
+    deceleration: Float[np.ndarray, "vehicle step"]
+    encroachment: Float[np.ndarray, "vehicle"]
 
 
 def conflicts(
-    x: Float[np.ndarray, "scene sample step"],
+    samples: Float[np.ndarray, "vehicle sample step"],
+    lane: Int[np.ndarray, "vehicle sample step"],
     *,
-    leader_rear: Float[np.ndarray, "scene sample step"],
-    follower_front: Float[np.ndarray, "scene sample step"],
-    length: Float[np.ndarray, "scene"],
-    merge_step: Int[np.ndarray, "scene sample"],
+    speeds: Float[np.ndarray, "vehicle sample step"],
+    length: Float[np.ndarray, "vehicle"],
+    merge_step: Int[np.ndarray, "vehicle sample"],
+    ahead: Int[np.ndarray, "vehicle sample"],
+    behind: Int[np.ndarray, "vehicle sample"],
 ) -> Conflicts:
-    """Returns the share of the samples in which there is a conflict.
+    """Returns the share of the samples in which each vehicle has a conflict.
 
     Args:
-        x: displacement of the central vehicle at 0.2, 0.4 ... s [m].
-        leader_rear: rear of its leader then, from the same origin [m]; NaN where there is none.
-        follower_front: front of the vehicle behind it in the target lane once it has merged [m]; NaN before, or where
-            there is none.
-        length: of the central vehicle [m].
+        samples: front positions at 0.2, 0.4 ... s [m].
+        lane: numbers of the lanes then.
+        speeds: over the step that ends then [m/s].
+        length: of the vehicles [m].
         merge_step: step in which it merges; the number of steps where it does not.
+        ahead, behind: who is there then; see `leaders.merge_gaps`.
     """
-    rows = (x, leader_rear, follower_front, length, merge_step)
-    if not len(x):
-        return Conflicts(np.zeros((0, x.shape[2])), np.zeros((0, x.shape[2])), np.zeros(0))
-    return Conflicts(*over_blocks(_shares, rows, sizes=BLOCKS))
+    steps = samples.shape[2]
+    close, hard = (np.full(merge_step.shape, steps, dtype=np.int32) for _ in range(2))
+    _fill_first_steps(samples, speeds, leaders(samples, lane), length, merge_step, (close, hard))
+    encroaches = np.zeros(merge_step.shape, dtype=np.bool_)
+    _fill_encroachments(samples, speeds, length, merge_step, (ahead, behind), encroaches)
+    return Conflicts(shares_by(close, steps), shares_by(hard, steps), encroaches.mean(axis=1))
 
 
-@program
-def _shares(
-    x: Float[ArrayLike, "row sample step"],
-    rear: Float[ArrayLike, "row sample step"],
-    front: Float[ArrayLike, "row sample step"],
-    length: Float[ArrayLike, "row"],
-    merge_step: Int[ArrayLike, "row sample"],
-) -> tuple[Float[Array, "row step"], Float[Array, "row step"], Float[Array, "row"]]:
-    x, rear, front = jnp.asarray(x), jnp.asarray(rear), jnp.asarray(front)
-    merge_step = jnp.asarray(merge_step)
-    own_rear = x - jnp.asarray(length, x.dtype)[:, None, None]
-    changed = jnp.arange(x.shape[2]) == merge_step[:, :, None]  # the leader is another from this step on
-    speed = jnp.diff(x, axis=2, prepend=jnp.zeros_like(x[..., :1])) / STEP
-    leader, follower = (_speeds_of_others(place, changed, speed[..., -1:]) for place in (rear, front))
-    led, followed = ~jnp.isnan(rear), ~jnp.isnan(front)
-    near, hard = _beyond(rear - x, speed, leader, led)
-    near_behind, hard_behind = _beyond(own_rear - front, follower, speed, followed)
-    merged = merge_step < x.shape[2]
-    at = jnp.minimum(merge_step, x.shape[2] - 1)[:, :, None]
-    ahead = jnp.where(led, (rear - x) / jnp.maximum(leader, SLOW), jnp.inf)  # since it was where the vehicle merges
-    behind = _arrival(front, follower, followed, jnp.take_along_axis(own_rear, at, axis=2), at[..., 0])
-    least = jnp.minimum(jnp.take_along_axis(ahead, at, axis=2)[..., 0], behind)
-    encroaches = merged & (least < LEAST_POST_ENCROACHMENT)
-    return _by_then(near | near_behind), _by_then(hard | hard_behind), encroaches.mean(axis=1)
+def shares_by(first: Int[np.ndarray, "vehicle sample"], steps: int) -> Float[np.ndarray, "vehicle step"]:
+    """Returns the share of the samples in which something has happened by the end of each step.
+
+    Args:
+        first: step in which it happens; the number of steps where it does not.
+        steps: their number.
+    """
+    vehicles, count = first.shape
+    places = np.arange(vehicles)[:, None] * (steps + 1) + first
+    found = np.bincount(places.ravel(), minlength=vehicles * (steps + 1)).reshape(vehicles, steps + 1)
+    return np.cumsum(found, axis=1)[:, :steps] / count
 
 
-def _speeds_of_others(
-    place: Float[Array, "row sample step"], changed: Bool[Array, "row sample step"], own: Float[Array, "row sample 1"]
-) -> Float[Array, "row sample step"]:
-    """Returns the speed of whoever is there at each step; of one who comes in the last step, the own one."""
-    speed = jnp.diff(place, axis=2) / STEP
-    before = jnp.concatenate([speed[..., :1], speed], axis=2)  # of the place at t = 0 nothing is known
-    after = jnp.concatenate([speed, own], axis=2)
-    return jnp.maximum(jnp.where(changed | ~(before >= 0.0), after, before), 0.0)
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _fill_first_steps(samples: Any, speeds: Any, leader: Any, length: Any, merge_step: Any, found: Any) -> None:
+    """Fills in the first step beyond each threshold; the laws are those of `physics.safety`, without a division."""
+    close, hard = found
+    vehicles, count, steps = samples.shape
+    for one in range(vehicles):
+        for sample in range(count):
+            for step in range(steps):
+                ahead = leader[one, sample, step]
+                closing = speeds[one, sample, step] - speeds[ahead, sample, step]
+                if ahead == NOBODY or closing <= 0.0:
+                    continue
+                gap = max(samples[ahead, sample, step] - length[ahead] - samples[one, sample, step], 0.0)
+                merged = merge_step[ahead, sample] <= step
+                if gap < LEAST_TIME_TO_COLLISION * closing:
+                    close[one, sample] = min(close[one, sample], step)
+                    if merged:
+                        close[ahead, sample] = min(close[ahead, sample], step)
+                if closing**2 > 2.0 * MOST_DECELERATION * gap:
+                    hard[one, sample] = min(hard[one, sample], step)
+                    if merged:
+                        hard[ahead, sample] = min(hard[ahead, sample], step)
 
 
-def _beyond(
-    gap: Float[Array, "row sample step"],
-    speed: Float[Array, "row sample step"],
-    leader_speed: Float[Array, "row sample step"],
-    there: Bool[Array, "row sample step"],
-) -> tuple[Bool[Array, "row sample step"], Bool[Array, "row sample step"]]:
-    """Returns whether time to collision and deceleration to avoid a crash are beyond their thresholds."""
-    time = time_to_collision(gap, speed=speed, leader_speed=leader_speed)
-    needed = deceleration_to_avoid_crash(gap, speed=speed, leader_speed=leader_speed)
-    return there & (time < LEAST_TIME_TO_COLLISION), there & (needed > MOST_DECELERATION)
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _fill_encroachments(samples: Any, speeds: Any, length: Any, merge_step: Any, gap: Any, found: Any) -> None:
+    vehicles, count, steps = samples.shape
+    for one in range(vehicles):
+        for sample in range(count):
+            step, ahead, behind = merge_step[one, sample], gap[0][one, sample], gap[1][one, sample]
+            if step >= steps:
+                continue
+            x = samples[one, sample, step]
+            if ahead != NOBODY:  # since its rear was where the vehicle merges
+                since = (samples[ahead, sample, step] - length[ahead] - x) / max(speeds[ahead, sample, step], SLOW)
+                found[one, sample] |= since < LEAST_POST_ENCROACHMENT
+            if behind != NOBODY:
+                until = _arrival(samples[behind, sample], speeds[behind, sample], x - length[one], step)
+                found[one, sample] |= until < LEAST_POST_ENCROACHMENT
 
 
-def _arrival(
-    front: Float[Array, "row sample step"],
-    speed: Float[Array, "row sample step"],
-    there: Bool[Array, "row sample step"],
-    place: Float[Array, "row sample 1"],
-    step: Int[Array, "row sample"],
-) -> Float[Array, "row sample"]:
-    """Returns how long after a step the follower is at a place [s]; after the last step it keeps its speed."""
-    fronts = jnp.concatenate([front, front[..., -1:] + speed[..., -1:] * STEP * jnp.arange(1, LOOK_ON + 1)], axis=2)
-    there, speed = (jnp.concatenate([part, jnp.repeat(part[..., -1:], LOOK_ON, axis=2)], axis=2)
-                    for part in (there, speed))  # fmt: skip
-    reached = there & (fronts >= place) & (jnp.arange(fronts.shape[2]) >= step[..., None])
-    first = jnp.argmax(reached, axis=2)[..., None]
-    beyond = jnp.take_along_axis((fronts - place) / jnp.maximum(speed, SLOW), first, axis=2)  # [s]
-    arrived = jnp.where(reached.any(axis=2), (STEP * first - beyond)[..., 0], jnp.inf)
-    return post_encroachment_time(STEP * step, arrived)
-
-
-def _by_then(conflict: Bool[Array, "row sample step"]) -> Float[Array, "row step"]:
-    return jax.lax.cummax(conflict.astype(jnp.float32), axis=2).mean(axis=1)
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _arrival(front: Any, speed: Any, place: float, step: int) -> float:
+    """Returns how long after a step a vehicle is at a place [s]; after the last step it keeps its speed."""
+    for later in range(step, step + LOOK_ON + 1):
+        last = min(later, len(front) - 1)
+        x = front[last] + speed[last] * STEP * (later - last)
+        if x >= place:
+            return STEP * (later - step) - (x - place) / max(speed[last], SLOW)
+    return np.inf

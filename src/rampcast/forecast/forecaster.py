@@ -11,8 +11,8 @@ from jaxtyping import Int
 from rampcast.errors import RecordingError
 from rampcast.forecast.calibrated import SPEC, Calibrated, CalibratedSpec, fit_calibrated
 from rampcast.forecast.examples import NEEDS_RAW, training_of
+from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts, joined
-from rampcast.forecast.joint import Forecast
 from rampcast.forecast.parts import moment_parts
 from rampcast.forecast.protocol import Parts, Progress, check_same_site, tell_nobody
 from rampcast.horizon import FUTURE

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int, Shaped
 
-from rampcast.forecast.encounters import Conflicts
+from rampcast.forecast.conflicts import Conflicts
 from rampcast.forecast.tables import BANDS, TIMES, keys, lane_change_table, position_table, share
 from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND, WHOLE_SECONDS
 from rampcast.notebook import html_table

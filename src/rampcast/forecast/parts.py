@@ -13,8 +13,8 @@ from jaxtyping import Int
 
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
+from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts
-from rampcast.forecast.joint import Forecast
 from rampcast.forecast.protocol import Parts, RecordingForecast
 from rampcast.forecast.tables import FILES
 from rampcast.recording import Recording

@@ -7,9 +7,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from rampcast.errors import RampcastError
-from rampcast.forecast import Forecast
-from rampcast.forecast.forecasts import Forecasts
-from rampcast.forecast.joint import Forecast as JointForecast
+from rampcast.forecast import Forecast, Forecasts
 from rampcast.plots import style
 from rampcast.plots.forecast_pictures import forecast_fan
 from rampcast.plots.site_geometry import site_geometry
@@ -25,7 +23,7 @@ DIGITS = 1  # of times in tables [s]
 
 @style.styled
 def plot(
-    what: Forecast | JointForecast | Forecasts | Recording | Site,
+    what: Forecast | Forecasts | Recording | Site,
     *,
     vehicle: Hashable | Sequence[Hashable] | None = None,
     t0: float | None = None,
@@ -52,9 +50,9 @@ def plot(
     Raises:
         RampcastError: it is none of these, or has no such window, vehicle or moment.
     """
-    if isinstance(what, JointForecast):
+    if isinstance(what, Forecast):
         return _traffic(what, vehicle, window, truth)
-    if isinstance(what, Forecast | Forecasts):
+    if isinstance(what, Forecasts):
         return _fan(what, vehicle, t0, window, truth)
     if isinstance(what, Site):
         lanes = site_geometry(what)
@@ -78,7 +76,7 @@ def _space_time(recording: Recording, lane: int | Sequence[int] | None, window: 
 
 
 def _traffic(
-    forecast: JointForecast, asked: Hashable | Sequence[Hashable] | None, window: str | None, truth: Recording | None
+    forecast: Forecast, asked: Hashable | Sequence[Hashable] | None, window: str | None, truth: Recording | None
 ) -> Figure:
     vehicles = () if asked is None else asked if isinstance(asked, list | tuple) else (asked,)
     for vehicle in vehicles:
@@ -98,9 +96,7 @@ def _seen(truth: Recording, t0: float) -> pl.DataFrame:
     return truth.tracks.select(c.VEHICLE, horizon=time, x_true=c.X).unique(["vehicle", "horizon"], maintain_order=True)
 
 
-def _fan(
-    forecast: Forecast | Forecasts, vehicle: object, t0: float | None, window: str | None, truth: Recording | None
-) -> Figure:
+def _fan(forecast: Forecasts, vehicle: object, t0: float | None, window: str | None, truth: Recording | None) -> Figure:
     scene = _scene(forecast, vehicle, t0, window)
     name, own, moment = str(forecast.recording[scene]), forecast.vehicle[scene], float(forecast.t0[scene])
     table = forecast.select(np.array([scene])).position_table()
@@ -114,7 +110,7 @@ def _fan(
     return style.figure_of(fan)
 
 
-def _scene(forecast: Forecast | Forecasts, vehicle: object, t0: float | None, window: str | None) -> int:
+def _scene(forecast: Forecasts, vehicle: object, t0: float | None, window: str | None) -> int:
     """Returns the place in the forecast of the first scene that is asked for."""
     asked = np.ones(len(forecast), dtype=bool)
     asked &= (window is None) | (forecast.recording == window)

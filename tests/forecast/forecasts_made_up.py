@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rampcast.forecast.joint import Forecast
+from rampcast.forecast.forecast import Forecast
 from rampcast.horizon import FUTURE, STEP
 from tests.factories import TEST_SITE
 

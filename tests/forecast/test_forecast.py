@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rampcast.errors import RampcastError
 from rampcast.forecast.tables import BANDS
 from rampcast.horizon import FUTURE
-from tests.forecast.joint_made_up import RAMP, TARGET, TIME, driving, random_forecast
+from tests.forecast.forecasts_made_up import RAMP, TARGET, TIME, driving, random_forecast
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
