@@ -85,8 +85,9 @@ def test_forecast_writes_its_tables_and_csv_beside_them(model, files, tmp_path):
     assert pl.read_parquet(tmp_path / "lane_change.parquet")["p_within"].is_between(0, 1).all()
     assert pl.read_csv(tmp_path / "forecast.csv").height == forecast.height
     assert (tmp_path / "lane_change.csv").is_file()
+    assert set(forecast["lane"]) == {5, 6, 7}
     keys = forecast.select("recording", "vehicle", "t0").n_unique()
-    assert pl.read_parquet(tmp_path / "gap.parquet").height == 11 * keys
+    assert pl.read_parquet(tmp_path / "gap.parquet").columns[3:] == ["gap", "ahead", "behind", "p"]
     assert pl.read_parquet(tmp_path / "conflicts.parquet").height == 31 * keys
 
 

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Int
 
 from rampcast.errors import RecordingError
 from rampcast.forecast.learning import Training
+from rampcast.forecast.protocol import NEEDS_RAW
 from rampcast.horizon import PAST, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -18,10 +19,6 @@ from rampcast.traffic.outcomes import outcomes
 from rampcast.traffic.situation import forecastable, joined_situations, situation_of_traffic
 
 MOST_IN_LANE = 10_000  # vehicles of main lanes, and as many of the ramp, at different moments: more say the same
-NEEDS_RAW = (
-    "a forecast needs the raw recording: a smoothed one that was read from a file knows what comes. Read the raw one, "
-    "and smooth it with `rc.clean`"
-)
 Tell = Callable[[int, int], None]  # moments done, moments in all
 
 

@@ -3,18 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import overload
 
 import numpy as np
 from jaxtyping import Int
 
 from rampcast.errors import RecordingError
 from rampcast.forecast.calibrated import SPEC, Calibrated, CalibratedSpec, fit_calibrated
-from rampcast.forecast.examples import NEEDS_RAW, training_of
+from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts, joined
 from rampcast.forecast.parts import moment_parts
-from rampcast.forecast.protocol import Parts, Progress, check_same_site, tell_nobody
+from rampcast.forecast.protocol import NEEDS_RAW, Parts, Progress, check_same_site, tell_nobody
 from rampcast.horizon import FUTURE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -66,7 +66,15 @@ class Forecaster:
     def __repr__(self) -> str:
         return f"<Forecaster of {self.site.name}, trained on {', '.join(self.trained_on)}>"
 
-    def predict(self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None) -> Any:
+    @overload
+    def predict(self, what: Recording, *, every: float = 1.0, threads: int | None = None) -> Forecasts: ...
+
+    @overload
+    def predict(self, what: Traffic, *, threads: int | None = None) -> Forecast: ...
+
+    def predict(
+        self, what: Recording | Traffic, *, every: float = 1.0, threads: int | None = None
+    ) -> Forecasts | Forecast:
         """Returns the forecast of the traffic of a moment, or those of the on-ramp vehicles of a recording.
 
         Of traffic, as `rc.traffic`, `rc.moments` or a stream give it, the `Forecast` of all its vehicles that were seen

@@ -15,7 +15,7 @@ from rampcast.errors import RecordingError
 from rampcast.files import write_whole
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts
-from rampcast.forecast.protocol import Parts, RecordingForecast
+from rampcast.forecast.protocol import NEEDS_RAW, Parts, RecordingForecast
 from rampcast.forecast.tables import FILES
 from rampcast.recording import Recording
 from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_times
@@ -37,10 +37,7 @@ def moment_parts(predict: Callable[[Traffic], Forecast], recording: Recording, *
     """
     raw = recording.raw if recording.is_smoothed else recording
     if raw is None:
-        raise RecordingError(
-            "a forecast needs the raw recording: a smoothed one that was read from a file knows what comes; give the "
-            "file that it was made of"
-        )
+        raise RecordingError(NEEDS_RAW)
     times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
     total = sum(map(len, times.values()))
     if not total:

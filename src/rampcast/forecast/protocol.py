@@ -13,6 +13,10 @@ from rampcast.recording import Recording
 from rampcast.sites import Site
 from rampcast.sites.site import differences
 
+NEEDS_RAW = (
+    "a forecast needs the raw recording: a smoothed one that was read from a file knows what comes. Read the raw one, "
+    "and smooth it with `rc.clean`"
+)
 Progress = Callable[[str, int, int], None]  # what is being done, steps done, steps in all
 
 
