@@ -10,10 +10,10 @@ from rampcast.horizon import FUTURE, STEP
 from rampcast.paper.algorithm_1 import Motion, Neighbours, follow, roll_out
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
-from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_SLOTS
+from rampcast.paper.scenes.scenes import CENTRAL, FOLLOWER, LEADER, TARGET_SLOTS
 from rampcast.traffic.anchors import V, X
 from tests.factories import random_scenes
-from tests.forecast import plain_loop
+from tests.paper import plain_loop
 
 EVERY_LAW = pytest.mark.parametrize("law", list(LAWS))
 BOTH_MODES = pytest.mark.parametrize("mode", list(Mode))
@@ -29,10 +29,10 @@ class Scene:
 
     x: np.ndarray
     v: np.ndarray
-    leader_x: np.ndarray
-    leader_v: np.ndarray
-    leader_length: np.ndarray
-    leader_present: np.ndarray
+    ramp_x: np.ndarray
+    ramp_v: np.ndarray
+    ramp_length: np.ndarray
+    ramp_present: np.ndarray
     target_x: np.ndarray
     target_v: np.ndarray
     target_length: np.ndarray
@@ -50,17 +50,19 @@ def some_scenes(seed: int, n: int = 48) -> Scene:
     time = np.arange(FUTURE + 1) * STEP
     wave, phase = rng.uniform(0.0, 4.0, (n, 7, 1)), rng.uniform(0.0, 2 * np.pi, (n, 7, 1))
     v = np.maximum(now[..., V, None] + wave * np.sin(0.6 * time + phase), 0.0)
+    v[::3, LEADER] *= 0.3
+    v[::3, FOLLOWER] *= 1.8
     x = now[..., X, None] + np.cumsum(v, axis=-1) * STEP
     x, v = np.where(virtual[..., None], standing[:, None], x), np.where(virtual[..., None], 0.0, v)
-    targets = list(TARGET_SLOTS)
+    ramp, targets = [LEADER, FOLLOWER], list(TARGET_SLOTS)
     length = np.where(virtual, 0.0, scenes.length)
     return Scene(
         now[:, CENTRAL, X],
         now[:, CENTRAL, V],
-        x[:, LEADER],
-        v[:, LEADER],
-        length[:, LEADER],
-        ~virtual[:, LEADER],
+        x[:, ramp],
+        v[:, ramp],
+        length[:, ramp],
+        ~virtual[:, ramp],
         x[:, targets],
         v[:, targets],
         length[:, targets],
@@ -77,29 +79,25 @@ def drivers(name: str, n: int, seed: int = 0) -> np.ndarray:
 
 def rolled(name: str, parameters: np.ndarray, scene: Scene, mode: Mode, **changed: Any) -> Motion:
     rest = {"ramp_end": RAMP_END, "v_max": V_MAX, "time_step": STEP} | changed
-    leader = Neighbours(scene.leader_x, scene.leader_v, scene.leader_length, scene.leader_present)
+    ramp = Neighbours(scene.ramp_x, scene.ramp_v, scene.ramp_length, scene.ramp_present)
     target = Neighbours(scene.target_x, scene.target_v, scene.target_length, scene.target_present)
-    return roll_out(LAWS[name], parameters, x=scene.x, v=scene.v, leader=leader, target=target, mode=mode, **rest)
+    return roll_out(LAWS[name], parameters, x=scene.x, v=scene.v, ramp=ramp, target=target, mode=mode, **rest)
 
 
 def algorithm_1(name: str, p: list[float], scene: Scene, row: int, mode: Mode) -> tuple[list[float], list[float]]:
     """Returns positions and speeds of one scene after each step, by the plain loop."""
-    own, *target = (
-        plain_loop.Neighbour(x.tolist(), v.tolist(), float(length), bool(present))
-        for x, v, length, present in [
-            (scene.leader_x[row], scene.leader_v[row], scene.leader_length[row], scene.leader_present[row]),
-            *zip(
-                scene.target_x[row],
-                scene.target_v[row],
-                scene.target_length[row],
-                scene.target_present[row],
-                strict=True,
-            ),
+    ramp, target = (
+        [
+            plain_loop.Neighbour(x.tolist(), v.tolist(), float(length), bool(present))
+            for x, v, length, present in zip(
+                *(getattr(scene, f"{lane}_{name}")[row] for name in ("x", "v", "length", "present")), strict=True
+            )
         ]
+        for lane in ("ramp", "target")
     )
     x, v = float(scene.x[row]), float(scene.v[row])
     around = {"ramp_end": RAMP_END, "v_max": V_MAX, "mode": mode.value, "time_step": STEP}
-    return plain_loop.roll_out(name, p, x, v, own, target, **around)
+    return plain_loop.roll_out(name, p, x, v, ramp, target, **around)
 
 
 @EVERY_LAW
@@ -118,12 +116,15 @@ def test_the_roll_out_is_the_papers_algorithm_one(law, mode):
 def test_the_scenes_hold_every_kind_of_neighbourhood():
     """The comparison above would be weak otherwise."""
     scene = some_scenes(1)
-    assert (~scene.leader_present).any()
+    assert (~scene.ramp_present[:, 0]).any()
+    driven = rolled("ghr", drivers("ghr", len(scene.x)), scene, Mode.CORRECTED).x
+    ahead = scene.ramp_x[..., -1] > driven[:, -1:]
+    assert (scene.ramp_present & (ahead == [[False, True]])).any(axis=0).all()  # a leader was passed, a follower passes
     assert (~scene.target_present).any()
-    assert ((scene.leader_x[:, 0] < RAMP_END) & (scene.leader_x[:, -1] > RAMP_END)).any()
+    assert ((scene.ramp_x[..., 0] < RAMP_END) & (scene.ramp_x[..., -1] > RAMP_END)).any()
     order = np.argsort(np.abs(scene.target_x - scene.x[:, None, None]), axis=1)
     assert (order[..., 0] != order[..., -1]).any()
-    nobody = ~scene.leader_present & ~scene.target_present.any(axis=1)
+    nobody = ~scene.ramp_present.any(axis=1) & ~scene.target_present.any(axis=1)
     assert nobody.sum() >= 2
 
 
@@ -132,7 +133,7 @@ def test_the_scenes_hold_every_kind_of_neighbourhood():
 def test_a_roll_out_of_five_seconds_is_the_beginning_of_one_of_fifteen(law, mode):
     scene = some_scenes(2)
     parameters = drivers(law, len(scene.x))
-    steps = {name: getattr(scene, name)[..., :26] for name in ("leader_x", "leader_v", "target_x", "target_v")}
+    steps = {name: getattr(scene, name)[..., :26] for name in ("ramp_x", "ramp_v", "target_x", "target_v")}
     short, long = rolled(law, parameters, replace(scene, **steps), mode), rolled(law, parameters, scene, mode)
     assert short.x.shape == (len(scene.x), 25)
     np.testing.assert_allclose(short.x, long.x[:, :25], rtol=0, atol=1e-9)
@@ -177,12 +178,13 @@ def test_a_vehicle_brakes_behind_one_that_stands(law):
 
 
 @EVERY_LAW
-def test_following_one_leader_is_a_roll_out_with_nobody_in_the_target_lane(law):
+def test_following_one_leader_is_a_roll_out_with_nobody_else_as_long_as_it_is_ahead(law):
     scene = some_scenes(4)
     led = replace(
         scene,
-        leader_present=np.ones_like(scene.leader_present),
-        leader_length=np.full_like(scene.leader_length, 5.0),
+        ramp_x=scene.ramp_x + np.array([300.0, 0.0])[:, None],  # so that it stays ahead
+        ramp_present=np.repeat([[True, False]], len(scene.x), axis=0),
+        ramp_length=np.full_like(scene.ramp_length, 5.0),
         target_present=np.zeros_like(scene.target_present),
     )
     parameters = drivers(law, len(scene.x))
@@ -191,11 +193,12 @@ def test_following_one_leader_is_a_roll_out_with_nobody_in_the_target_lane(law):
         parameters,
         x=led.x,
         v=led.v,
-        leader_x=led.leader_x,
-        leader_v=led.leader_v,
-        leader_length=led.leader_length,
+        leader_x=led.ramp_x[:, 0],
+        leader_v=led.ramp_v[:, 0],
+        leader_length=led.ramp_length[:, 0],
         v_max=V_MAX,
     )
+    assert (led.ramp_x[:, 0, 1:] > one.x).all()
     other = rolled(law, parameters, led, Mode.CORRECTED, ramp_end=np.inf)
     np.testing.assert_allclose(one.x, other.x, rtol=0, atol=1e-9)
 
@@ -203,10 +206,10 @@ def test_following_one_leader_is_a_roll_out_with_nobody_in_the_target_lane(law):
 def test_a_leader_of_no_length_makes_the_gap_front_to_front():
     scene = some_scenes(5)
     parameters = drivers("idm", len(scene.x))
-    own = {"x": scene.x, "v": scene.v, "leader_v": scene.leader_v, "v_max": V_MAX}
-    length = np.full_like(scene.leader_length, 5.0)
-    net = follow(LAWS["idm"], parameters, leader_x=scene.leader_x + 5.0, leader_length=length, **own)
-    front = follow(LAWS["idm"], parameters, leader_x=scene.leader_x, leader_length=0.0 * length, **own)
+    own = {"x": scene.x, "v": scene.v, "leader_v": scene.ramp_v[:, 0], "v_max": V_MAX}
+    length = np.full(len(scene.x), 5.0)
+    net = follow(LAWS["idm"], parameters, leader_x=scene.ramp_x[:, 0] + 5.0, leader_length=length, **own)
+    front = follow(LAWS["idm"], parameters, leader_x=scene.ramp_x[:, 0], leader_length=0.0 * length, **own)
     np.testing.assert_allclose(net.x, front.x, rtol=0, atol=1e-9)
 
 
@@ -216,7 +219,7 @@ def test_what_virtual_neighbours_hold_matters_in_paper_mode_alone(mode):
     parameters = drivers("idm", len(scene.x))
     moved = replace(
         scene,
-        leader_x=np.where(scene.leader_present[:, None], scene.leader_x, 170.0),
+        ramp_x=np.where(scene.ramp_present[..., None], scene.ramp_x, 170.0),
         target_x=np.where(scene.target_present[..., None], scene.target_x, 180.0),
     )
     same = np.array_equal(rolled("idm", parameters, scene, mode).x, rolled("idm", parameters, moved, mode).x)
@@ -227,7 +230,7 @@ def test_what_virtual_neighbours_hold_matters_in_paper_mode_alone(mode):
 def test_the_last_state_of_the_neighbours_is_not_used(mode):
     scene = some_scenes(7)
     parameters = drivers("idm", len(scene.x))
-    changed = {name: getattr(scene, name).copy() for name in ("leader_x", "leader_v", "target_x", "target_v")}
+    changed = {name: getattr(scene, name).copy() for name in ("ramp_x", "ramp_v", "target_x", "target_v")}
     for values in changed.values():
         values[..., -1] = 1e6
     found = rolled("idm", parameters, replace(scene, **changed), mode)
@@ -248,7 +251,7 @@ def test_scenes_one_by_one_give_what_the_batch_gives(law):
 def test_moving_everything_along_the_road_moves_the_forecast():
     scene = some_scenes(9)
     parameters = drivers("idm", len(scene.x))
-    moved = replace(scene, x=scene.x + 37.0, leader_x=scene.leader_x + 37.0, target_x=scene.target_x + 37.0)
+    moved = replace(scene, x=scene.x + 37.0, ramp_x=scene.ramp_x + 37.0, target_x=scene.target_x + 37.0)
     one = rolled("idm", parameters, scene, Mode.PAPER)
     other = rolled("idm", parameters, moved, Mode.PAPER, ramp_end=RAMP_END + 37.0)
     np.testing.assert_allclose(other.x - 37.0, one.x, rtol=0, atol=1e-9)

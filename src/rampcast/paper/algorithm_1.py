@@ -1,5 +1,6 @@
 """The paper's algorithm 1, for all scenes and any car-following law at once."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ class Motion(NamedTuple):
 
 
 class Neighbours(NamedTuple):
-    """Leaders as the follower meets them: one for each scene, or several in an axis of their own.
+    """Neighbours of one lane as the central vehicle meets them.
 
     Attributes:
         x: positions of their fronts at t = 0, T, ... [m].
@@ -35,10 +36,10 @@ class Neighbours(NamedTuple):
         present: False for virtual ones.
     """
 
-    x: Float[np.ndarray, "scene *slot step"]
-    v: Float[np.ndarray, "scene *slot step"]
-    length: Float[np.ndarray, "scene *slot"]
-    present: Bool[np.ndarray, "scene *slot"]
+    x: Float[np.ndarray, "scene slot step"]
+    v: Float[np.ndarray, "scene slot step"]
+    length: Float[np.ndarray, "scene slot"]
+    present: Bool[np.ndarray, "scene slot"]
 
 
 def roll_out(
@@ -47,7 +48,7 @@ def roll_out(
     *,
     x: Float[np.ndarray, "scene"],
     v: Float[np.ndarray, "scene"],
-    leader: Neighbours,
+    ramp: Neighbours,
     target: Neighbours,
     ramp_end: float,
     v_max: float,
@@ -67,7 +68,7 @@ def roll_out(
         parameters: of each central vehicle, in the order of `law.bounds`.
         x: position of the central vehicle's front at t = 0 [m].
         v: its speed at t = 0 [m/s].
-        leader: the immediate leader.
+        ramp: l, f.
         target: l1, l2, f1, f2.
         ramp_end: where the ramp lane ends [m]; infinite where it goes on.
         v_max: speed limit [m/s].
@@ -75,10 +76,10 @@ def roll_out(
         time_step: T [s].
     """
     if len(x) == 0:
-        nothing = np.empty_like(leader.x[:, 1:], dtype=float)
+        nothing = np.empty((0, ramp.x.shape[-1] - 1))
         return Motion(nothing, nothing)
     program = partial(_algorithm_1, law, mode, ramp_end, v_max, time_step)
-    return Motion(*over_blocks(program, (parameters, x, v, *leader, *target)))
+    return Motion(*over_blocks(program, (parameters, x, v, *ramp, *target)))
 
 
 def follow(
@@ -95,6 +96,9 @@ def follow(
 ) -> Motion:
     """Returns where each vehicle will be after each step, by following one given leader: the same roll-out in one lane.
 
+    A leader that the forecast has passed stays the leader: the gap is then negative, which every law takes for the
+    smallest gap.
+
     Args:
         law: which car-following law.
         parameters: of each follower, in the order of `law.bounds`.
@@ -106,20 +110,8 @@ def follow(
         v_max: speed limit [m/s].
         time_step: T [s].
     """
-    scenes, steps = leader_x.shape
-    nobody = np.empty((scenes, 0, steps))
-    return roll_out(
-        law,
-        parameters,
-        x=x,
-        v=v,
-        leader=Neighbours(leader_x, leader_v, leader_length, np.ones(scenes, dtype=bool)),
-        target=Neighbours(nobody, nobody, np.empty((scenes, 0)), np.empty((scenes, 0), dtype=bool)),
-        ramp_end=np.inf,
-        v_max=v_max,
-        mode=Mode.CORRECTED,
-        time_step=time_step,
-    )
+    program = partial(_follow, law, v_max, time_step)
+    return Motion(*over_blocks(program, (parameters, x, v, leader_x, leader_v, leader_length)))
 
 
 def _by_step(states: Shaped[Array, "scene *vehicle step"]) -> Float[Array, "step-1 *vehicle scene"]:
@@ -137,32 +129,79 @@ def _algorithm_1(
     parameters: Float[ArrayLike, "scene param"],
     x: Float[ArrayLike, "scene"],
     v: Float[ArrayLike, "scene"],
-    leader_x: Float[ArrayLike, "scene step"],
-    leader_v: Float[ArrayLike, "scene step"],
-    leader_length: Float[ArrayLike, "scene"],
-    leader_present: Bool[ArrayLike, "scene"],
+    ramp_x: Float[ArrayLike, "scene ramp step"],
+    ramp_v: Float[ArrayLike, "scene ramp step"],
+    ramp_length: Float[ArrayLike, "scene ramp"],
+    ramp_present: Bool[ArrayLike, "scene ramp"],
     target_x: Float[ArrayLike, "scene target step"],
     target_v: Float[ArrayLike, "scene target step"],
     target_length: Float[ArrayLike, "scene target"],
     target_present: Bool[ArrayLike, "scene target"],
 ) -> tuple[Float[Array, "scene future"], Float[Array, "scene future"]]:
     """Returns positions and speeds after each step; see `roll_out`."""
-    record = law.parameters(*jnp.asarray(parameters, dtype=float).T)
+    sizes = [
+        (jnp.asarray(length).T, jnp.asarray(present).T)
+        for length, present in ((ramp_length, ramp_present), (target_length, target_present))
+    ]
+
+    def lead(x: Array, now: tuple[Array, ...]) -> Vehicle:
+        lanes = (now[:2], now[2:])
+        ramp, target = (tuple(map(Vehicle, *lane, *size)) for lane, size in zip(lanes, sizes, strict=True))
+        return actual_leader(x, ramp=ramp, target=target, ramp_end=ramp_end, mode=mode)
+
+    neighbours = tuple(map(_by_step, map(jnp.asarray, (ramp_x, ramp_v, target_x, target_v))))
+    return _driven(law, mode, v_max, time_step, (parameters, x, v), lead, neighbours)
+
+
+@partial(program, static_argnums=0)
+def _follow(
+    law: Law,
+    v_max: Float[ArrayLike, ""],
+    time_step: Float[ArrayLike, ""],
+    parameters: Float[ArrayLike, "scene param"],
+    x: Float[ArrayLike, "scene"],
+    v: Float[ArrayLike, "scene"],
+    leader_x: Float[ArrayLike, "scene step"],
+    leader_v: Float[ArrayLike, "scene step"],
+    leader_length: Float[ArrayLike, "scene"],
+) -> tuple[Float[Array, "scene future"], Float[Array, "scene future"]]:
+    """Returns positions and speeds after each step; see `follow`."""
+
+    def lead(_: Array, now: tuple[Array, ...]) -> Vehicle:
+        return Vehicle(*now, leader_length, True)
+
+    leaders = (_by_step(jnp.asarray(leader_x)), _by_step(jnp.asarray(leader_v)))
+    return _driven(law, Mode.CORRECTED, v_max, time_step, (parameters, x, v), lead, leaders)
+
+
+def _driven(
+    law: Law,
+    mode: Mode,
+    v_max: Float[ArrayLike, ""],
+    time_step: Float[ArrayLike, ""],
+    start: tuple[ArrayLike, ArrayLike, ArrayLike],
+    lead: Callable[[Array, tuple[Array, ...]], Vehicle],
+    neighbours: tuple[Array, ...],
+) -> tuple[Float[Array, "scene future"], Float[Array, "scene future"]]:
+    """Returns positions and speeds after each step, behind the leader that `lead` names at each of them.
+
+    Args:
+        law, mode, v_max, time_step: see `roll_out`.
+        start: parameters, positions [m] and speeds [m/s].
+        lead: gives the leader, from positions and what the neighbours are at that step.
+        neighbours: arrays over steps.
+    """
+    parameters, *state = (jnp.asarray(values, dtype=float) for values in start)
+    record = law.parameters(*parameters.T)
     lowest, highest = law.limits(record)
-    lengths, presences = jnp.asarray(target_length).T, jnp.asarray(target_present).T
 
     def step(state: tuple[Array, Array], now: tuple[Array, ...]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         x, v = state
-        own_x, own_v, targets_x, targets_v = now
-        own = Vehicle(own_x, own_v, leader_length, leader_present)
-        targets = tuple(map(Vehicle, targets_x, targets_v, lengths, presences))
-        leader = actual_leader(x, leader=own, target=targets, ramp_end=ramp_end, mode=mode)
+        leader = lead(x, now)
         a = law.acceleration(record, speed=v, leader_speed=leader.v, gap=gap_to(x, leader, mode=mode))
         v = jnp.clip(v + jnp.clip(a, lowest, highest) * time_step, 0.0, v_max)
         x = x + v * time_step
         return (x, v), (x, v)
 
-    neighbours = tuple(map(_by_step, map(jnp.asarray, (leader_x, leader_v, target_x, target_v))))
-    start = (jnp.asarray(x, dtype=float), jnp.asarray(v, dtype=float))
-    _, (xs, vs) = jax.lax.scan(step, start, neighbours)
+    _, (xs, vs) = jax.lax.scan(step, tuple(state), neighbours)
     return xs.T, vs.T

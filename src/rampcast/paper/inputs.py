@@ -63,7 +63,7 @@ def calibrate_scenes(law: Law, scenes: Scenes, mode: Mode) -> Calibration:
     central = scenes.past[:, CENTRAL]
     leader = actual_leader(
         central[..., X],
-        leader=_past_vehicle(scenes, LEADER),
+        ramp=(_past_vehicle(scenes, LEADER),),
         target=tuple(_past_vehicle(scenes, slot) for slot in TARGET_SLOTS),
         ramp_end=scenes.site.ramp_end,
         mode=mode,

@@ -8,7 +8,7 @@ from rampcast.paper.algorithm_1 import Neighbours, roll_out
 from rampcast.paper.inputs import Inputs
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.neighbours.predict import NeighbourForecast, continue_at_constant_speed
-from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_SLOTS
+from rampcast.paper.scenes.scenes import CENTRAL, FOLLOWER, LEADER, TARGET_SLOTS
 from rampcast.traffic.anchors import V, X
 
 
@@ -35,7 +35,7 @@ def car_following(inputs: Inputs, *, law: str) -> Float[np.ndarray, "scene futur
 def _drive(law: str, inputs: Inputs, neighbours: NeighbourForecast) -> Float[np.ndarray, "scene future"]:
     scenes = inputs.scenes
 
-    def at(slots: int | list[int]) -> Neighbours:
+    def at(slots: list[int]) -> Neighbours:
         return Neighbours(
             neighbours.x[:, slots], neighbours.v[:, slots], scenes.length[:, slots], ~scenes.virtual[:, slots]
         )
@@ -45,7 +45,7 @@ def _drive(law: str, inputs: Inputs, neighbours: NeighbourForecast) -> Float[np.
         inputs.calibration(law).parameters,
         x=scenes.past[:, CENTRAL, -1, X],
         v=scenes.past[:, CENTRAL, -1, V],
-        leader=at(LEADER),
+        ramp=at([LEADER, FOLLOWER]),
         target=at(list(TARGET_SLOTS)),
         ramp_end=scenes.site.ramp_end,
         v_max=scenes.site.speed_limit,

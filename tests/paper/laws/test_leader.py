@@ -28,7 +28,7 @@ NOBODY_AHEAD = (standing(500.0), standing(500.0), *BEHIND)
 
 
 def lead(leader: Vehicle, target: tuple[Vehicle, ...], mode: Mode, x: float = X) -> Vehicle:
-    return actual_leader(np.array(x), leader=leader, target=target, ramp_end=RAMP_END, mode=mode)
+    return actual_leader(np.array(x), ramp=(leader,), target=target, ramp_end=RAMP_END, mode=mode)
 
 
 @BOTH_MODES
@@ -52,7 +52,7 @@ def test_nobody_is_ahead_of_the_first_vehicle(mode):
 @BOTH_MODES
 def test_a_leader_that_is_not_there_is_followed_on_no_lane_not_even_one_that_goes_on(mode):
     target = (vehicle(120.0, 7.0), *BEHIND, vehicle(X - 1))
-    found = actual_leader(np.array(X), leader=standing(503.0), target=target, ramp_end=np.inf, mode=mode)
+    found = actual_leader(np.array(X), ramp=(standing(503.0),), target=target, ramp_end=np.inf, mode=mode)
     assert (float(found.x), float(found.v)) == (120.0, 7.0)
 
 
@@ -120,10 +120,14 @@ def test_what_a_virtual_vehicle_holds_does_not_matter_in_corrected_mode():
 
 
 @BOTH_MODES
-def test_an_immediate_leader_that_was_passed_stays_the_leader_at_a_negative_gap(mode):
-    m = lead(vehicle(90.0, 2.0), (vehicle(104.0, 6.0), *BEHIND), mode)
-    assert (float(m.x), float(m.v), bool(m.present)) == (97.0, 4.0, True)
-    assert float(gap_to(np.array(X), m, mode=mode)) < 0.0
+def test_the_immediate_leader_is_found_anew(mode):
+    """The leader of t = 0 was passed, to x = 90, and the follower of t = 0 is ahead now, at 120: half-way to 140."""
+    target = (vehicle(140.0, 6.0), *BEHIND)
+    found = actual_leader(
+        np.array(X), ramp=(vehicle(90.0, 2.0), vehicle(120.0, 4.0)), target=target, ramp_end=RAMP_END, mode=mode
+    )
+    assert (float(found.x), float(found.v)) == (130.0, 5.0)
+    assert float(lead(vehicle(90.0, 2.0), target, mode).x) == 140.0  # with nobody ahead on the ramp
 
 
 def test_the_gap_is_front_to_front_in_paper_mode_and_net_in_corrected_mode():
@@ -143,7 +147,7 @@ def test_many_scenes_and_steps_are_led_at_once(mode):
         )
 
     x, own, target = rng.uniform(90, 110, (3, 20)), some(100, 260), tuple(some(80, 130) for _ in range(4))
-    together = actual_leader(x, leader=own, target=target, ramp_end=RAMP_END, mode=mode)
+    together = actual_leader(x, ramp=(own,), target=target, ramp_end=RAMP_END, mode=mode)
     pick = (1, 7)
     alone = lead(
         Vehicle(*(values[pick] for values in own)),

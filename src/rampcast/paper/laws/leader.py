@@ -35,7 +35,7 @@ def nearest_ahead(
 
     Args:
         x: front of the follower, x_i [m].
-        candidates: the neighbours in the target lane.
+        candidates: the neighbours in one lane.
         mode: in paper mode virtual vehicles count as real ones.
     """
     x = jnp.asarray(x)
@@ -58,7 +58,7 @@ def nearest_ahead(
 def actual_leader(
     x: Float[ArrayLike, "*#scene"],
     *,
-    leader: Vehicle,
+    ramp: tuple[Vehicle, ...],
     target: tuple[Vehicle, ...],
     ramp_end: Float[ArrayLike, ""],
     mode: Mode = Mode.CORRECTED,
@@ -66,20 +66,22 @@ def actual_leader(
     """Returns the actual leader m; `present` is False for free driving.
 
     While the immediate leader l is behind the ramp's end, m is half-way between l and p (see `nearest_ahead`); after
-    that it is p. Source: the paper, algorithm 1, lines 6 to 11.
+    that it is p. l is found anew at every step, as the paper's text says (the listing keeps that of t = 0): a vehicle
+    that was passed leads no longer, and one that has passed does. Source: the paper, algorithm 1, lines 6 to 11.
 
-    Where the paper is silent: without p, corrected mode follows l alone and paper mode drives freely. A leader l that
-    the forecast has passed stays the leader: the gap is then negative, which every law takes for the smallest gap.
+    Where the paper is silent: without p, corrected mode follows l alone and paper mode drives freely.
 
     Args:
         x: front of the follower, x_i [m].
-        leader: l, the immediate leader. A virtual one stands at the ramp's end or farther: it is never followed.
+        ramp: {l, f}, the neighbours in the ramp lane; l is the nearest of them ahead. A virtual leader stands at the
+            ramp's end or farther: it is never followed.
         target: {l1, l2, f1, f2}, the neighbours in the target lane.
         ramp_end: x_end [m]; infinite where the lane goes on.
         mode: in paper mode virtual vehicles count as real ones.
     """
     p = nearest_ahead(x, target, mode=mode)
-    on_ramp = (jnp.asarray(leader.x) < ramp_end) & jnp.asarray(leader.present)
+    leader = nearest_ahead(x, ramp)
+    on_ramp = (jnp.asarray(leader.x) < ramp_end) & leader.present
     both = on_ramp & p.present
     alone = jnp.zeros_like(p.present) if mode is Mode.PAPER else on_ramp & ~jnp.asarray(p.present)
 
