@@ -137,13 +137,32 @@ def _rows_of(recording, vehicles, frame):
 
 
 def test_changing_the_raw_future_end_to_end_changes_none_of_our_forecasts(ours, recording, rows):
+    now, changed, same = _before_and_after(recording, rows)
+    assert_same(ours.predict_at(changed, same), ours.predict_at(recording, now))
+
+
+def test_changing_the_raw_future_changes_no_forecast_of_the_paper_in_corrected_mode(fit_mode, recording, rows):
+    now, changed, same = _before_and_after(recording, rows)
+    paper, corrected = (fit_mode(mode) for mode in (Mode.PAPER, Mode.CORRECTED))
+    before, after = corrected.predict_at(recording, now), corrected.predict_at(changed, same)
+    for name, x in before.x.items():
+        np.testing.assert_array_equal(after.x[name], x, err_msg=name)
+    for one, other in zip(before.inputs.lane_changes, after.inputs.lane_changes, strict=True):
+        np.testing.assert_array_equal(one, other)
+    one, other = paper.predict_at(recording, now), paper.predict_at(changed, same)
+    moved = other.x["constant_velocity"] - one.x["constant_velocity"]
+    assert np.abs(moved).max() > 0.5  # it looks ahead, as the paper does (erratum 9)
+
+
+def _before_and_after(recording, rows):
+    """Returns rows of one moment, a recording in which all that comes after it is another, and the same rows there."""
     frame = int(np.median(recording.tracks[c.FRAME].to_numpy()[rows]))
     now = rows[recording.tracks[c.FRAME].to_numpy()[rows] == frame]
     changed = _raw_changed(recording, frame)
     same = _rows_of(changed, recording.tracks[c.VEHICLE].to_numpy()[now].tolist(), frame)
     assert len(now) == len(same) > 1
     assert not np.allclose(recording.tracks[c.V].to_numpy()[now], changed.tracks[c.V].to_numpy()[same], atol=0.1)
-    assert_same(ours.predict_at(changed, same), ours.predict_at(recording, now))
+    return now, changed, same
 
 
 def test_a_stream_of_frames_gives_our_forecast_of_the_recording_bit_for_bit(ours, recording, rows):

@@ -171,9 +171,10 @@ def test_parameter_tables_leave_out_drivers_that_were_not_fitted():
         parameters=np.array([[1.0, 0.0, 2.0], [3.0, 1.0, 2.0], [9.0, 9.0, 9.0]]),
         mse=np.array([0.1, 0.3, np.nan]),
         outcome=np.array([Outcome.CONVERGED, Outcome.AT_BOUND, Outcome.NO_LEADER]),
+        abreast=np.array([False, True, False]),
     )
     table = parameter_table(law, fit, Mode.PAPER)
-    assert table["n"].to_list() == [2, 2, 2, 2]
-    assert table["mean"].to_list() == pytest.approx([2.0, 0.5, 2.0, 0.2])
+    assert table["n"].to_list() == [2, 2, 2, 2, 1]
+    assert table["mean"].to_list() == pytest.approx([2.0, 0.5, 2.0, 0.2, 0.1])  # the last without the one abreast
     assert table["standard_deviation"][0] == pytest.approx(1.0)
     assert outcome_table(law, fit)["n"].to_list() == [1, 1, 1, 0]

@@ -56,11 +56,14 @@ def parameters() -> pl.DataFrame:
     """Returns made-up distributions of fitted parameters and of the squared error."""
     rows = []
     for mode, (law, names) in itertools.product(MODES, LAWS.items()):
-        for i, (name, unit) in enumerate((*names, ("mse", "m^2/s^4"))):
-            bounds = {"low": None, "high": None} if name == "mse" else {"low": -5.0 + i, "high": 5.0 + i}
-            middle = {"mean": 0.12, "median": 0.05} if name == "mse" else {"mean": 1.5 + i, "median": 1.0 + i}
+        squared = (("mse", "m^2/s^4"), ("mse_none_abreast", "m^2/s^4"))
+        for i, (name, unit) in enumerate((*names, *squared)):
+            is_error = name.startswith("mse")
+            bounds = {"low": None, "high": None} if is_error else {"low": -5.0 + i, "high": 5.0 + i}
+            middle = {"mean": 0.12, "median": 0.05} if is_error else {"mean": 1.5 + i, "median": 1.0 + i}
             key = {"mode": mode, "law": law, "parameter": name, "unit": unit}
-            rows.append(key | bounds | {"n": 258} | middle | {"standard_deviation": 0.7})
+            n = 258 if name != "mse_none_abreast" else 251
+            rows.append(key | bounds | {"n": n} | middle | {"standard_deviation": 0.7})
     return pl.DataFrame(rows, infer_schema_length=None)
 
 

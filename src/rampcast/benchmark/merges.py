@@ -24,8 +24,8 @@ from rampcast.paper.lane_change.sets import Anchors, Reading
 from rampcast.paper.laws.mode import Mode
 from rampcast.traffic.merge_scenes import MergeScenes
 
-AT = np.array([STEP, *TIMES[1:]])  # [s] end of the step that each forest "at t" is for; at t = 0 the step after it
-WITHIN = np.array([STEP, *(t - STEP for t in TIMES[1:])])  # [s] until when for "in less than t", which is a step less
+ENDS = np.array([STEP, *TIMES[1:]])  # [s] end of the step that each forest is for, the last of "within t" and that
+# of "at t"; at t = 0 the step after it
 SEED = 1  # of the forests
 
 
@@ -153,7 +153,7 @@ def _of_forests(
     del since_entry
     within, at = (np.nan_to_num(values) for values in forests.predict(model, forest_features(scenes)))
     within = np.maximum.accumulate(within, axis=1)
-    p_within, p_at = _between(WITHIN, within), _between(AT, at)
+    p_within, p_at = _between(ENDS, within), _between(ENDS, at)
     time = median_time(p_within)
     return MergeForecasts(p_within, p_at, time, place=_at_present_speed(scenes, time))
 

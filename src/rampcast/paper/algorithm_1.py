@@ -168,7 +168,8 @@ def _follow(
     """Returns positions and speeds after each step; see `follow`."""
 
     def lead(_: Array, now: tuple[Array, ...]) -> Vehicle:
-        return Vehicle(*now, leader_length, True)
+        leader_x, leader_v = now
+        return Vehicle(leader_x, leader_v, leader_length, True)
 
     leaders = (_by_step(jnp.asarray(leader_x)), _by_step(jnp.asarray(leader_v)))
     return _driven(law, Mode.CORRECTED, v_max, time_step, (parameters, x, v), lead, leaders)
@@ -191,7 +192,7 @@ def _driven(
         lead: gives the leader, from positions and what the neighbours are at that step.
         neighbours: arrays over steps.
     """
-    parameters, *state = (jnp.asarray(values, dtype=float) for values in start)
+    parameters, x, v = (jnp.asarray(values, dtype=float) for values in start)
     record = law.parameters(*parameters.T)
     lowest, highest = law.limits(record)
 
@@ -203,5 +204,5 @@ def _driven(
         x = x + v * time_step
         return (x, v), (x, v)
 
-    _, (xs, vs) = jax.lax.scan(step, tuple(state), neighbours)
+    _, (xs, vs) = jax.lax.scan(step, (x, v), neighbours)
     return xs.T, vs.T

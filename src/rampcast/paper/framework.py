@@ -22,8 +22,14 @@ from rampcast.paper.lane_change.sets import Reading, lane_change_anchors
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
 from rampcast.paper.neighbours.predict import predict_neighbours
-from rampcast.paper.neighbours.windows import training_windows
-from rampcast.paper.scenes import build_scenes_at
+from rampcast.paper.neighbours.windows import (
+    in_influence_area,
+    is_seen_long,
+    seen_long,
+    training_windows,
+    training_windows_from_past,
+)
+from rampcast.paper.scenes import build_scenes_at, scenes_from_past
 from rampcast.paper.scenes.scenes import Scenes
 from rampcast.paper.scenes.stand_ins import with_stand_ins
 from rampcast.recording import Recording, clean
@@ -34,6 +40,7 @@ from rampcast.traffic import find_anchors, need_ramp
 
 LANES = ("ramp", "target")
 READINGS = {Mode.PAPER: Reading.LABEL, Mode.CORRECTED: Reading.CROSSING}  # erratum 7
+SCENES = {Mode.PAPER: build_scenes_at, Mode.CORRECTED: scenes_from_past}  # erratum 9
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ class PaperForecaster:
         self, recording: Recording, rows: Int[np.ndarray, "scene"], *, models: Sequence[str] | None = None
     ) -> PaperForecast:
         """Returns the forecast of the vehicles at those rows of a recording, which `find_anchors` gave."""
-        return self.predict_scenes(build_scenes_at(recording, rows, future=0), models=models)
+        return self.predict_scenes(SCENES[self.mode](recording, rows, future=0), models=models)
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns what `predict` does, in parts that are made one after the other; a raw recording is smoothed."""
@@ -193,8 +200,13 @@ def fit_neighbours(
     numbers = {"ramp": site.ramp_lanes, "target": (site.target_lane,)}[lane]
     key = jax.random.split(jax.random.key(spec.seed), len(LANES))[LANES.index(lane)]
     tell = progress or tell_nobody
+    if mode is Mode.CORRECTED:
+        windows = training_windows_from_past(recording, numbers, stride=spec.window_stride)
+    else:
+        printed = {"ramp": seen_long, "target": in_influence_area}[lane](recording)
+        windows = training_windows(printed, numbers, stride=spec.window_stride)
     return fit_lstm(
-        training_windows(recording, numbers, stride=spec.window_stride),
+        windows,
         mode=mode,
         spec=spec.lstm,
         key=key,
@@ -208,8 +220,10 @@ def fit_lane_changes(
     """Returns the 32 lane-change forests; see `fit_paper`."""
     tell = progress or tell_nobody
     anchors = find_anchors(recording, every=spec.anchor_spacing)
+    if mode is Mode.PAPER:
+        anchors = anchors[is_seen_long(recording).to_numpy()[anchors]]
     return lane_change.fit(
-        lane_change_anchors(build_scenes_at(recording, anchors, future=0), READINGS[mode]),
+        lane_change_anchors(SCENES[mode](recording, anchors, future=0), READINGS[mode]),
         spec=replace(SPECS[mode], n_trees=spec.trees),
         seed=spec.seed,
         progress=lambda done, total: tell(f"{mode} mode: lane-change forests", done, total),

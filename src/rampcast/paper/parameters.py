@@ -2,11 +2,13 @@
 
 import numpy as np
 import polars as pl
+from jaxtyping import Float
 
 from rampcast.paper.calibration.calibration import Calibration, Outcome
 from rampcast.paper.laws.laws import Law
 from rampcast.paper.laws.mode import Mode
 
+SQUARED = ("m^2/s^4", None, None)  # unit of a squared error, and no range
 SCHEMA = {
     "law": pl.String,
     "parameter": pl.String,
@@ -23,20 +25,26 @@ SCHEMA = {
 def parameter_table(law: Law, calibration: Calibration, mode: Mode) -> pl.DataFrame:
     """Returns a row for each parameter, and one for the mean squared error ("mse"), over the drivers that were fitted.
 
+    A last row, "mse_none_abreast", is of those whose actual leader was never abreast: a gap at the floor gives errors
+    of thousands (erratum 10). Its n says how many are left.
+
     Columns: law, parameter, unit, low, high (the range of the fit in that mode), n, mean, median, standard_deviation.
     """
     fitted = np.isin(calibration.outcome, (Outcome.CONVERGED, Outcome.AT_BOUND))
-    ranges = [
-        *((bound.name, bound.unit, bound.low, bound.high) for bound in law.ranges(mode)),
-        ("mse", "m^2/s^4", None, None),
+    columns = [
+        *(
+            (bound.name, bound.unit, bound.low, bound.high, values)
+            for bound, values in zip(law.ranges(mode), calibration.parameters[fitted].T, strict=True)
+        ),
+        ("mse", *SQUARED, calibration.mse[fitted]),
+        ("mse_none_abreast", *SQUARED, calibration.mse[fitted & ~calibration.abreast]),
     ]
-    values = np.column_stack([calibration.parameters, calibration.mse])[fitted]
-    n = len(values)
-    rows = [
-        (law.name, *kept, n, *((column.mean(), np.median(column), column.std()) if n else (None, None, None)))
-        for kept, column in zip(ranges, values.T, strict=True)
-    ]
+    rows = [(law.name, *kept, len(values), *_spread(values)) for *kept, values in columns]
     return pl.DataFrame(rows, schema=SCHEMA, orient="row")
+
+
+def _spread(values: Float[np.ndarray, "driver"]) -> tuple[float | None, ...]:
+    return (values.mean(), np.median(values), values.std()) if len(values) else (None, None, None)
 
 
 def outcome_table(law: Law, calibration: Calibration) -> pl.DataFrame:

@@ -18,7 +18,7 @@ from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.paper.errors import central_errors, neighbour_errors
 from rampcast.paper.examples import Shown, example_scenes
 from rampcast.paper.forecast import PaperForecast
-from rampcast.paper.framework import READINGS, PaperForecaster
+from rampcast.paper.framework import READINGS, SCENES, PaperForecaster
 from rampcast.paper.lane_change.forests import importance_table, training_table
 from rampcast.paper.lane_change.scores import lane_change_scores, lane_change_table
 from rampcast.paper.lane_change.sets import KINDS, Reading, Sampling, lane_change_anchors
@@ -26,7 +26,7 @@ from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.predict import continue_at_constant_speed
 from rampcast.paper.parameters import outcome_table, parameter_table
-from rampcast.paper.scenes import Scenes, build_scenes_at
+from rampcast.paper.scenes import Scenes
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.recording import Recording
 from rampcast.recording.hashes import window_hashes
@@ -105,7 +105,7 @@ def evaluate(
     for forecaster in forecasters:
         _check_unseen(forecaster, recording)
     rows = test_rows(recording, mode, every=every, seed=seed)
-    test = Test(recording, rows, build_scenes_at(recording, rows), mode, seed)
+    test = Test(recording, rows, SCENES[mode](recording, rows), mode, seed)
     forecasts = tuple(forecaster.predict_at(recording, rows) for forecaster in forecasters)
     x = {name: x for forecast in forecasts for name, x in forecast.x.items()}
     x.setdefault(BASELINE, continue_at_constant_speed(test.scenes, steps=FUTURE).x[:, CENTRAL, 1:])
@@ -198,7 +198,7 @@ def _framework_tables(forecaster: PaperForecaster, forecast: PaperForecast, test
         "parameters": pl.concat([parameter_table(LAWS[name], fit, test.mode) for name, fit in fits.items()]),
         "outcomes": pl.concat([outcome_table(LAWS[name], fit) for name, fit in fits.items()]),
     }
-    anchors = build_scenes_at(test.recording, find_anchors(test.recording, every=STEP), future=0)
+    anchors = SCENES[test.mode](test.recording, find_anchors(test.recording, every=STEP), future=0)
     of_forests = [
         lane_change_table(forecaster.forests, lane_change_anchors(anchors, reading), seed=test.seed)
         for reading in _readings(test.mode)
@@ -219,7 +219,7 @@ def _lane_changes(
     natural base rate the scenes whose positions are scored are a sample of the same. Balanced sets need scenes just
     before lane changes, see `before_changes`.
     """
-    few = build_scenes_at(test.recording, before, future=0)
+    few = SCENES[test.mode](test.recording, before, future=0)
     tables = []
     for name, natural in forecast.lane_changes.items():
         balanced = _lane_changes_at(forecaster, name, test.recording, before)

@@ -107,7 +107,7 @@ def test_a_natural_row_equals_a_plain_calculation(
 ) -> None:
     probability = predict(forests, test_anchors.features)[0][:, 7]
     known = ~np.isnan(test_anchors.change_time) | (test_anchors.seen_for > 7.1)
-    positive = (np.nan_to_num(test_anchors.change_time, nan=99.0) < 6.9)[known]
+    positive = (np.nan_to_num(test_anchors.change_time, nan=99.0) < 7.1)[known]
     row = table.row(
         by_predicate=(pl.col("sampling") == "natural") & (pl.col("kind") == "within") & (pl.col("t") == 7.0), named=True
     )

@@ -40,7 +40,7 @@ EXAMPLES = anchors_with([0.2, 1.8, 2.0, 2.2, 10.0, NAN, NAN, -0.4], [15.0, 15.0,
     [
         ("within", 2, Sampling.BALANCED, [0, 1], [3, 4, 6], [5]),  # exactly 2 s is neither less nor more
         ("at", 2, Sampling.BALANCED, [2], [3, 4, 6], [5]),  # earlier changes are neither
-        ("within", 2, Sampling.NATURAL, [0, 1], [2, 3, 4, 6], [5]),
+        ("within", 2, Sampling.NATURAL, [0, 1, 2], [3, 4, 6], [5]),
         ("at", 2, Sampling.NATURAL, [2], [0, 1, 3, 4, 6], [5]),
         ("within", 0, Sampling.BALANCED, [0], [1, 2, 3, 4, 5, 6], []),  # the step that begins at the anchor
         ("at", 0, Sampling.NATURAL, [0], [1, 2, 3, 4, 5, 6], []),

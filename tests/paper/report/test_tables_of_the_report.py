@@ -25,7 +25,9 @@ def test_a_number_is_text_with_a_true_minus_and_a_dash_for_nothing() -> None:
 def test_a_parameter_row_has_name_unit_range_and_the_values_of_each_mode() -> None:
     table = parameter_table(tidy_tables.parameters(), law="idm", number="2")
     assert table.rows[0] == ("s 0 [m]", "−5.0 to 5.0", *("1.50", "1.00", "0.70") * 2)
-    assert table.rows[-1][:2] == ("mean squared error [m²/s⁴]", "–")
+    assert table.rows[-2][:2] == ("mean squared error [m²/s⁴]", "–")
+    assert table.rows[-1][0].startswith("the same, without drivers with a leader abreast")
+    assert "Paper mode: n = 258; of 7 the actual leader was abreast in the history." in table.caption
 
 
 def test_the_error_table_marks_the_best_of_each_column() -> None:

@@ -16,6 +16,7 @@ from rampcast.paper.calibration.states import Bounds, States, residual
 from rampcast.paper.calibration.unit_cube import from_cube, spread_points
 from rampcast.paper.laws.laws import Law
 from rampcast.paper.laws.mode import Mode
+from rampcast.physics.minimums import MINIMUM_GAP
 
 STARTS = 4
 BLOCK = 512  # one size only: searches that end in different minima by a rounding must not depend on the batch
@@ -47,11 +48,13 @@ class Calibration:
         parameters: in the order of `law.bounds`.
         mse: mean squared error of the acceleration [m^2/s^4]; NaN where nothing was fitted.
         outcome: codes of `Outcome`.
+        abreast: whether the actual leader was abreast at a valid step: a gap at the floor (erratum 10).
     """
 
     parameters: Float[np.ndarray, "scene param"]
     mse: Float[np.ndarray, "scene"]
     outcome: Int[np.ndarray, "scene"]
+    abreast: Bool[np.ndarray, "scene"]
 
 
 def calibrate(
@@ -76,7 +79,8 @@ def calibrate(
         mode: whose ranges: paper mode takes those in print, corrected mode those for a net gap.
     """
     if len(speed) == 0:
-        return Calibration(np.empty((0, len(law.bounds))), np.empty(0), np.empty(0, dtype=np.int8))
+        none = np.empty(0)
+        return Calibration(np.empty((0, len(law.bounds))), none, none.astype(np.int8), none.astype(bool))
     rows = (speed, leader_speed, gap, acceleration, valid)
     parameters, mse = over_blocks(partial(_fit, law, mode), rows, sizes=(BLOCK,))
     low, high = np.array([(bound.low, bound.high) for bound in law.ranges(mode)]).T
@@ -91,6 +95,7 @@ def calibrate(
         parameters=np.where(fitted_at_all[:, None], parameters, np.array(law.fallback)),
         mse=np.where(fitted_at_all, mse, np.nan),
         outcome=outcome,
+        abreast=np.asarray((valid & (gap <= MINIMUM_GAP)).any(axis=1)),
     )
 
 

@@ -2,7 +2,8 @@
 
 Everything is read to one step of 0.2 s: a change belongs to step k = round(change time / 0.2 s), and t to step 5 t.
 
-- "within" t is true where k < 5 t; "at" t is true where k = 5 t.
+- "within" t is true where k <= 5 t; "at" t is true where k = 5 t. Balanced sets, as the paper prints them, hold changes
+  in less and in more than t alone: one in exactly t is in neither, so that what is learned there means "within" too.
 - At t = 0 both are true where k <= 1: the change happens in the step that begins at the anchor. "In less than 0 s" and
   "in exactly 0 s" have no sample, for a scene's central vehicle is in the ramp lane at its anchor.
 - Where no change was seen, an anchor is negative only if its vehicle was seen for more than t; else it is censored:
@@ -106,7 +107,8 @@ def truth(kind: str, t: int, anchors: Anchors, *, sampling: Sampling) -> Truth:
     if t == 0:
         positive, later = ahead & (step <= 1), ahead & (step > 1)
     else:
-        positive, later = ahead & (step < this if kind == "within" else step == this), ahead & (step > this)
+        below = step < this if sampling is Sampling.BALANCED else step <= this
+        positive, later = ahead & (below if kind == "within" else step == this), ahead & (step > this)
     kept = ~seen & (np.rint(anchors.seen_for / STEP).astype(np.int64) > this)
     return Truth(
         positive=positive,

@@ -48,10 +48,7 @@ def _of_mode(tables: Tables, mode: str) -> Tables:
 
 
 def _central(tables: Tables, model: str) -> pl.DataFrame:
-    table = tables.get("longitudinal")
-    if table is None:
-        return pl.DataFrame(schema={"horizon": pl.Float64, "within_5": pl.Float64, "within_10": pl.Float64})
-    return table.filter((pl.col("group") == "central") & (pl.col("model") == model)).sort("horizon")
+    return _errors_of(tables, "central", model)
 
 
 def _until(model: str, column: str) -> Callable[[Tables], str]:
@@ -94,6 +91,39 @@ def _beats_lstm_alone(tables: Tables) -> str:
             count = both.filter(pl.col("mean_error") < pl.col("mean_error_alone")).height
             wins.append(f"{name} {count} of {both.height} s")
     return ", ".join(wins) or NONE
+
+
+def _beats_lstm_on_the_ramp(tables: Tables) -> str:
+    neighbours = _errors_of(tables, "ramp_neighbour", "lstm")
+    wins = []
+    for model, name in _LAW_NAMES:
+        both = _central(tables, model).join(neighbours, on="horizon", suffix="_lstm").drop_nulls("mean_error_lstm")
+        if both.height:
+            wins.append(f"{name} {both.filter(pl.col('within_5') > pl.col('within_5_lstm')).height} of {both.height} s")
+    return ", ".join(wins) or NONE
+
+
+def _better_neighbours(tables: Tables) -> str:
+    ramp, target = (_errors_of(tables, group, "lstm") for group in ("ramp_neighbour", "target_neighbour"))
+    both = ramp.join(target, on="horizon", suffix="_target").drop_nulls("mean_error_target")
+    better = both.filter(pl.col("mean_error") < pl.col("mean_error_target")).height
+    return f"at {better} of {both.height} s" if both.height else NONE
+
+
+def _errors_of(tables: Tables, group: str, model: str) -> pl.DataFrame:
+    table = tables.get("longitudinal")
+    if table is None:
+        return pl.DataFrame(schema=dict.fromkeys(("horizon", "within_5", "within_10", "mean_error"), pl.Float64))
+    return table.filter((pl.col("group") == group) & (pl.col("model") == model)).sort("horizon")
+
+
+def _falls_then_rises(tables: Tables) -> str:
+    rows = _classified("within")(tables).drop_nulls("accuracy").sort("t")
+    if rows.height < 3:
+        return NONE
+    place = int(rows["accuracy"].arg_min())  # type: ignore[arg-type]
+    text = f"lowest at {rows['t'][place]:.0f} s"
+    return text if 0 < place < rows.height - 1 else f"{text}: it only {'rises' if place == 0 else 'falls'}"
 
 
 def _classified(kind: str) -> Callable[[Tables], pl.DataFrame]:
@@ -156,7 +186,12 @@ CLAIMS = (
     Claim("Share within 5 m, mean over 1 to 15 s", "IDM clearly lowest", _idm_behind),
     Claim("Highest mean error after 9 s", "GHR", _worst_after_nine),
     Claim("Smaller mean error than the LSTM alone", "yes", _beats_lstm_alone),
+    Claim(
+        "More within 5 m than the LSTM has of its ramp neighbours", "GHR, Gipps: 15 of 15 s", _beats_lstm_on_the_ramp
+    ),
+    Claim("Ramp neighbours predicted a little better than target-lane neighbours", "yes", _better_neighbours),
     Claim("Cumulative accuracy above 90 %", "most t", _share_of_times("within", pl.col("accuracy") > 0.9)),
+    Claim("Cumulative accuracy falls with t, then rises", "yes", _falls_then_rises),
     Claim("Cumulative TNR and PPV, mean over t", "above 95 %", _mean_rates),
     Claim(
         "Exact accuracy below 85 % from 4 s on",

@@ -34,8 +34,9 @@ TABLE_NAMES = ("longitudinal", "parameters", "outcomes", "lane_change", "importa
 PAPER_TABLES = {"idm": "2", "gipps_paper": "3", "ghr": "4"}  # the paper's table numbers
 PNG_DPI = 160
 LAW_NOTES = {
-    "idm": "A few drivers with a leader abreast of them (a gap near zero) have errors so large that they are the mean: "
-    "read the median. In corrected mode s₀ is fitted from 0.5 to 25.5 m, as gaps are net of the leader's length.",
+    "idm": "Drivers with a leader abreast of them (a gap at the floor of 1 m) have errors so large that they make the "
+    "mean (erratum 10): the last row is without them. In corrected mode s₀ is fitted from 0.5 to 25.5 m, as gaps are "
+    "net of the leader's length.",
     "gipps_paper": "This is the paper's law of that name, repaired (erratum 2); it is not the law of Gipps (1981).",
     "gipps": "The paper does not use this law; it stands here because the paper names it.",
 }

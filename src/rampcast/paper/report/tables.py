@@ -62,6 +62,7 @@ PARAMETER_LABELS = {
     "beta": "β",
     "gamma": "γ",
     "mse": "mean squared error",
+    "mse_none_abreast": "the same, without drivers with a leader abreast",
 }
 PARAMETER_SYMBOLS = {
     "idm": {
@@ -284,11 +285,19 @@ def _absent(number: str, title: str, why: str) -> Table:
 
 def _counts(rows: pl.DataFrame, modes: Sequence[str]) -> str:
     texts = []
+    of_all = rows.filter(pl.col("parameter") != "mse_none_abreast")
     for mode in modes:
-        counts = rows.filter(pl.col("mode") == mode)["n"].drop_nulls().to_list()
+        counts = of_all.filter(pl.col("mode") == mode)["n"].drop_nulls().to_list()
         ends = " to ".join(f"{n:,}" for n in sorted({min(counts), max(counts)})) if counts else "unknown"
-        texts.append(f"{MODE_TITLES.get(mode, mode).capitalize()}: n = {ends}.")
+        texts.append(f"{MODE_TITLES.get(mode, mode).capitalize()}: n = {ends}{_abreast(rows, mode)}.")
     return " ".join(texts)
+
+
+def _abreast(rows: pl.DataFrame, mode: str) -> str:
+    n = dict(rows.filter(pl.col("mode") == mode).select("parameter", "n").iter_rows())
+    if "mse_none_abreast" not in n or n["mse"] is None:
+        return ""
+    return f"; of {n['mse'] - n['mse_none_abreast']:,} the actual leader was abreast in the history"
 
 
 def _parameter_row(

@@ -1,4 +1,8 @@
-"""Builds scenes from a smoothed recording: anchors, neighbours, past, future, lane-change times."""
+"""Builds scenes from a smoothed recording: anchors, neighbours, past, future, lane-change times.
+
+Its states look ahead, as the paper's do (erratum 9): smoothing knows of the second after each. Scenes of corrected mode
+are those of `rampcast.paper.scenes.from_past`.
+"""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -56,7 +60,7 @@ def build_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"], *, 
         role_past=fill_role_past(table.state[role_rows], role_virtual, standing),
         role_virtual=role_virtual,
         role_length=np.where(role_virtual, 0.0, table.length[role_rows]),
-        future=_future_states(table, future_rows, future_valid, virtual, standing),
+        future=future_states(table, future_rows, future_valid, virtual, standing),
         future_valid=future_valid,
         change_label=label,
         change_crossing=crossing,
@@ -64,12 +68,13 @@ def build_scenes_at(recording: Recording, anchors: Int[np.ndarray, "scene"], *, 
     )
 
 
-def _future_states(
+def future_states(
     table: Rows,
     rows: Int[np.ndarray, "scene slot future"],
     valid: Bool[np.ndarray, "scene slot future"],
     virtual: Bool[np.ndarray, "scene slot"],
     standing: Float[np.ndarray, "scene slot feature"],
 ) -> Float[np.ndarray, "scene slot future feature"]:
+    """Returns the states at those rows: NaN where not valid, and of a virtual vehicle its stand-in."""
     states = np.where(valid[..., None], table.state[rows], np.nan)
     return np.where(virtual[..., None, None], standing[:, :, None, :], states)
