@@ -20,9 +20,11 @@ from tests.made_up_traffic import random_traffic
 
 def test_a_recording_written_and_read_is_the_same(tmp_path):
     recording = random_traffic(1, vehicles=5)
+    recording = replace(recording, began={"i80-1": 1113433200.0})
     write_recording(recording, tmp_path / "r.parquet")
     again = read_recording(tmp_path / "r.parquet")
     assert again.tracks.equals(recording.tracks)
+    assert again.began == recording.began
     assert (again.site, again.time_step, again.source) == (recording.site, recording.time_step, recording.source)
 
 

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
@@ -37,6 +37,7 @@ class Recording:
         report: what reading found, of a recording that `rc.read` returned; None of any other.
         raw: of a smoothed recording the one that it was made from, without which nothing can be forecast from the past
             alone; None of any other, and of one that was written to a file in between.
+        began: when frame 0 of each window was, where the source tells: [s since 1970, UTC] by name of the window.
     """
 
     tracks: pl.DataFrame
@@ -45,6 +46,7 @@ class Recording:
     source: str
     report: ReadReport | None = field(default=None, compare=False, repr=False)
     raw: "Recording | None" = field(default=None, compare=False, repr=False)
+    began: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         missing = [name for name in c.SCHEMA if name not in self.tracks.columns]
@@ -102,12 +104,15 @@ def concatenate(recordings: Sequence[Recording]) -> Recording:
     sources = sorted({recording.source for recording in recordings})
     raws = [recording.raw for recording in recordings if recording.raw is not None]
     raw = concatenate(raws) if len(raws) == len(recordings) else None
-    return replace(first, tracks=tracks, source="+".join(sources), report=None, raw=raw)
+    began = {name: time for recording in recordings for name, time in recording.began.items()}
+    return replace(first, tracks=tracks, source="+".join(sources), report=None, raw=raw, began=began)
 
 
 def write_recording(recording: Recording, path: Path) -> None:
     """Writes a recording as one parquet file with its site inside; whole or not at all."""
-    metadata = file_metadata(recording.site, time_step=recording.time_step, source=recording.source)
+    metadata = file_metadata(
+        recording.site, time_step=recording.time_step, source=recording.source, began=recording.began
+    )
     with write_whole(path) as partial:
         recording.tracks.write_parquet(partial, compression="zstd", compression_level=LEVEL, metadata=metadata)
 
@@ -131,9 +136,12 @@ def road_files(sites: Sequence[Site], path: Path) -> list[Path]:
     return [path] if len(names) == 1 else [path.with_name(f"{path.stem}-{road}{path.suffix}") for road in roads]
 
 
-def file_metadata(site: Site, *, time_step: float, source: str) -> dict[str, str]:
+def file_metadata(
+    site: Site, *, time_step: float, source: str, began: Mapping[str, float] | None = None
+) -> dict[str, str]:
     """Returns the metadata of a recording's parquet file."""
     values = {"file_version": FILE_VERSION, "site": site_to_dict(site), "time_step": time_step, "source": source}
+    values |= {"began": dict(began)} if began else {}
     return {METADATA_KEY: json.dumps(values)}
 
 
@@ -155,12 +163,12 @@ def read_recording(path: Path) -> Recording:
             f"{path}: a parquet file, but not a rampcast recording; make one with `rampcast convert FILE --site i80 "
             "--out recording.parquet`"
         )
-    site, time_step, source = _described(path, metadata[METADATA_KEY])
-    return Recording(tracks=_checked(path, read_table(path)), site=site, time_step=time_step, source=source)
+    site, time_step, source, began = _described(path, metadata[METADATA_KEY])
+    return Recording(_checked(path, read_table(path)), site, time_step, source, began=began)
 
 
-def _described(path: Path, text: str) -> tuple[Site, float, str]:
-    """Returns the site, the time step [s] and the source that a recording's metadata name."""
+def _described(path: Path, text: str) -> tuple[Site, float, str, dict[str, float]]:
+    """Returns the site, the time step [s], the source and the beginnings that a recording's metadata name."""
     try:
         values = json.loads(text)
         version = values["file_version"]
@@ -168,7 +176,8 @@ def _described(path: Path, text: str) -> tuple[Site, float, str]:
             site, time_step = site_from_dict(values["site"]), float(values["time_step"])
             if not 0 < time_step < math.inf:
                 raise ValueError(f"the time step is {time_step} s")
-            return site, time_step, str(values["source"])
+            began = {str(name): float(time) for name, time in dict(values.get("began", {})).items()}
+            return site, time_step, str(values["source"]), began
     except (ValueError, TypeError, KeyError, RecursionError, SiteError) as error:
         raise RecordingError(
             f"{path}: its metadata '{METADATA_KEY}' is damaged ({error!r}); convert the original again"

@@ -197,6 +197,7 @@ def test_a_row_whose_clock_slips_stays_with_its_window_and_is_counted(tmp_path):
     recording, report = read_ngsim([saved(tmp_path, text(rows))], site=I80)
     assert recording.names == ["i80-1"]
     assert (recording.tracks.height, report.clock_slips) == (500, 2)
+    assert recording.began == {"i80-1": START_16_00 / 1000}
 
 
 def test_numbers_that_the_portal_writes_with_commas_are_read(tmp_path):

@@ -137,13 +137,14 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
     """Returns the recording: rows told apart into windows, duplicates removed, sorted."""
     table = clocks.clocks_of(rows)
     clocks.check_site(report.files[0], table, site)
-    parts, duplicates, conflicts, slips, outside = [], 0, 0, 0, 0
+    parts, began, duplicates, conflicts, slips, outside = [], {}, 0, 0, 0, 0
     columns = [*c.SCHEMA, *(name for name in c.OPTIONAL_SCHEMA if _is_known(rows[name]))]
     for window, part in clocks.split_windows(rows, table, site.window_bounds()).items():
         name = f"{site.name}-{window}" if window else site.name
         part, removed, differing = sorted_unique(part.with_columns(pl.lit(name).alias(c.RECORDING)))
         duplicates, conflicts = duplicates + removed, conflicts + differing
         slips += _slips(part)
+        began[name] = float(np.median(part[clocks.CLOCK].to_numpy())) / 1000.0  # [ms] to [s]; single clocks may slip
         outside += part.height if window == clocks.OUTSIDE else 0
         parts.append(part.select(columns))
     total = sum(part.height for part in parts)
@@ -157,7 +158,7 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
         rows=total,
     )
     parts.sort(key=lambda part: str(part[c.RECORDING][0]))
-    return Recording(tracks=pl.concat(parts), site=site, time_step=TIME_STEP, source=SOURCE), report
+    return Recording(pl.concat(parts), site, TIME_STEP, SOURCE, began=began), report
 
 
 def _is_known(recorded: pl.Series) -> bool:
