@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from rampcast.errors import ModelError, RecordingError
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import ForecasterSpec, fit
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.calibration.calibration import Calibration, Outcome
 from rampcast.paper.examples import GOOD_ERROR, choose_examples, example_scenes, scene_tracks
@@ -26,7 +26,7 @@ from tests.made_up_traffic import random_traffic
 
 pytestmark = pytest.mark.slow
 
-SPEC = ForecasterSpec(spacing=2.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)))
+SPEC = ForecasterSpec(spacing=2.0, model=CalibratedSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4)))
 PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=4, epochs=1, batch=64), window_stride=9, anchor_spacing=1.0, trees=3)
 
 

@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import ForecasterSpec
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.framework import PaperSpec
 from rampcast.paper.laws.mode import Mode
@@ -23,9 +23,7 @@ from tests.ngsim_writer import gzipped, write_ngsim_txt, write_portal_csv, zippe
 pytestmark = pytest.mark.slow
 
 PROTOCOL = Protocol(
-    ours=ForecasterSpec(
-        spacing=20.0, scene=PlatoonForecasterSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4))
-    ),
+    ours=ForecasterSpec(spacing=20.0, model=CalibratedSpec(samples=16, folds=2, correction=CorrectionSpec(trees=4))),
     paper=PaperSpec(lstm=LstmSpec(units=6, epochs=1, batch=64), window_stride=25, anchor_spacing=1.0, trees=3),
     every=10.0,
 )
