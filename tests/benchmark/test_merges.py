@@ -7,7 +7,7 @@ import pytest
 
 from rampcast.benchmark import Training, models
 from rampcast.benchmark.merges import TIME, median_time
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecasters import merges
 from rampcast.models.correction import CorrectionSpec
 from rampcast.paper.lane_change import forests
@@ -16,7 +16,7 @@ from tests.benchmark import made_up_merges
 
 pytestmark = pytest.mark.slow
 
-FEW = PlatoonForecasterSpec(samples=20, folds=2, correction=CorrectionSpec(trees=5, least_in_leaf=10))
+FEW = CalibratedSpec(samples=20, folds=2, correction=CorrectionSpec(trees=5, least_in_leaf=10))
 
 
 @pytest.fixture(scope="module")

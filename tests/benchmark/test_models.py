@@ -7,7 +7,7 @@ import pytest
 
 from rampcast.benchmark import Forecasts, Training, forecast_cases, models
 from rampcast.benchmark.models import ORACLE, TIME, constant_velocity, oracle, relax_to_leader, with_bands
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecasters import places
 from rampcast.models.correction import CorrectionSpec
 from rampcast.models.pooled_driver import START, fit_pooled_driver, follow_true_leader, roll_chain
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module", autouse=True)
 def quick_lstm():
     """A small LSTM and few trees, with little training: the contracts hold for any weights."""
-    few = PlatoonForecasterSpec(samples=30, folds=3, correction=CorrectionSpec(trees=8, least_in_leaf=10))
+    few = CalibratedSpec(samples=30, folds=3, correction=CorrectionSpec(trees=8, least_in_leaf=10))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(models, "LSTM", LstmSpec(units=8, epochs=1, batch=256))
         patch.setattr(models, "FORECASTER", few)

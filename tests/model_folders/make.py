@@ -10,8 +10,8 @@ from unittest.mock import patch
 
 import numpy as np
 
+from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import ForecasterSpec, fit
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
 from rampcast.forecast.protocol import RecordingForecaster
 from rampcast.forecast.storage import save
 from rampcast.horizon import WHOLE_SECONDS
@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 FORM_FOLDER = HERE / f"form_{FORM}"
 TRAFFIC = HERE / "traffic.parquet"
 CORRECTION = CorrectionSpec(trees=4, least_cases=145)  # so many are seen for 1 and for 2 s: two knots are corrected
-SPEC = ForecasterSpec(scene=PlatoonForecasterSpec(samples=8, folds=2, correction=CORRECTION))
+SPEC = ForecasterSpec(model=CalibratedSpec(samples=8, folds=2, correction=CORRECTION))
 PAPER_SPEC = PaperSpec(lstm=LstmSpec(units=3, epochs=1, batch=64), window_stride=9, anchor_spacing=2.0, trees=2)
 
 

@@ -69,12 +69,12 @@ class Forecasts:
     @cached_property
     def x(self) -> dict[str, Float[np.ndarray, "scene future"]]:
         """Returns the median of the samples' fronts [m]."""
-        return {NAME: self.quantiles[:, :, MEDIAN]}
+        return {NAME: self.quantiles[:, :, MEDIAN].astype(np.float64)}
 
-    @property
+    @cached_property
     def bands(self) -> dict[str, Float[np.ndarray, "scene future band"]]:
         """Returns the fronts that are not exceeded with the probabilities of `tables.BANDS` [m]."""
-        return {NAME: self.quantiles}
+        return {NAME: self.quantiles.astype(np.float64)}
 
     @cached_property
     def lane_changes(self) -> dict[str, tuple[Float[np.ndarray, "scene 16"], Float[np.ndarray, "scene 16"]]]:
@@ -83,7 +83,8 @@ class Forecasts:
         Within t: by the end of the step that ends at t; at t: in that step. Both at t = 0 mean the first step.
         """
         at = np.maximum(np.array(TIMES) * STEPS_PER_SECOND - 1, 0)  # place of that step
-        return {NAME: (self.p_merged[:, at], np.diff(self.p_merged, axis=1, prepend=0.0)[:, at])}
+        p_merged = self.p_merged.astype(np.float64)
+        return {NAME: (p_merged[:, at], np.diff(p_merged, axis=1, prepend=0.0)[:, at])}
 
     def select(self, rows: Int[np.ndarray, "row"] | Bool[np.ndarray, "scene"]) -> "Forecasts":
         """Returns the forecasts of those scenes, in that order."""
