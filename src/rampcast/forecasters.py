@@ -105,7 +105,17 @@ _TABLE = (
     _law("gipps_paper", "Gipps (paper)", Look(GREEN, "s", "--"), places=_places("car_following", law="gipps_paper")),
     _law("ghr", "GHR", Look(VERMILLION, "o"), places=_places("car_following", law="ghr")),
     _law("gipps", "Gipps (1981)", Look(PURPLE, "D", (0, (5, 1, 1, 1, 1, 1)))),
-    ForecasterEntry("lstm", "LSTM", Look(ORANGE, "v", ":"), places=_places("lstm")),
+    ForecasterEntry("lstm", "LSTM", Look(ORANGE, "v", ":"), places=_places("lstm", mode="corrected")),
+    ForecasterEntry("lstm_paper", "LSTM, paper mode", places=_places("lstm", mode="paper")),
+    *(
+        ForecasterEntry(
+            f"framework_{law}{suffix}",
+            f"framework, {label}{of_mode}",
+            places=_places("framework", law=law, mode=mode),
+        )
+        for mode, suffix, of_mode in (("corrected", "", ""), ("paper", "_paper", ", paper mode"))
+        for law, label in (("idm", "IDM"), ("gipps_paper", "Gipps (paper)"), ("ghr", "GHR"))
+    ),
     ForecasterEntry("pooled_idm", "pooled IDM", Look(SKY, "<", (0, (1, 1))), places=_places("pooled_idm")),
     *(
         ForecasterEntry(f"chain_{leaders}", f"chain of {leaders}", places=_places("chain", leaders=leaders))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.benchmark import Forecasts, Training, forecast_cases, models
+from rampcast.benchmark import Forecasts, Training, forecast_cases, models, paper_rows
 from rampcast.benchmark.models import ORACLE, TIME, constant_velocity, oracle, relax_to_leader, with_bands
 from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecasters import places
@@ -26,7 +26,8 @@ def quick_lstm():
     """A small LSTM and few trees, with little training: the contracts hold for any weights."""
     few = CalibratedSpec(samples=30, folds=3, correction=CorrectionSpec(trees=8, least_in_leaf=10))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(models, "LSTM", LstmSpec(units=8, epochs=1, batch=256))
+        patch.setattr(paper_rows, "LSTM", LstmSpec(units=8, epochs=1, batch=256))
+        patch.setattr(paper_rows, "WINDOWS", (512,))
         patch.setattr(models, "FORECASTER", few)
         yield
 

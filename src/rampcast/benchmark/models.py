@@ -5,7 +5,7 @@ The oracle alone is told the leader's future, as an argument of its own.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -13,28 +13,21 @@ from jaxtyping import Float, Int
 from scipy.optimize import minimize_scalar
 
 from rampcast.benchmark.cases import TIME, Cases
-from rampcast.compute import jax
+from rampcast.benchmark.paper_rows import SPEED_LIMIT, Kept, PaperRows, fit_paper_rows, lane_parameters
 from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.scene_forecaster import SceneForecaster, fit_scene_forecaster
-from rampcast.horizon import FUTURE, PAST, STEP, STEPS_PER_SECOND
+from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.models.pooled_driver import fit_pooled_driver, follow_true_leader, roll_chain
 from rampcast.paper.algorithm_1 import follow
-from rampcast.paper.calibration.calibration import calibrate
 from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
-from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm, fit_lstm
-from rampcast.paper.neighbours.windows import WINDOW
 from rampcast.traffic.merge_scenes import MergeScenes
-from rampcast.traffic.platoons import HISTORY, Platoons, known_lengths
+from rampcast.traffic.platoons import Platoons, known_lengths
 
 SECONDS = np.arange(STEPS_PER_SECOND - 1, FUTURE, STEPS_PER_SECOND)  # steps that are scored
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-SPEED_LIMIT = 29.06  # [m/s] 65 mph, the limit of both NGSIM sites, where most cases come from
 LONGEST_RELAXATION = 60.0  # [s]; the search for the time constant ends here
 LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known
-LSTM_STRIDE = 5  # steps between the windows that the LSTM is trained on
-MOST_WINDOWS = 4000  # of the LSTM, so that the whole benchmark takes minutes
-LSTM = LstmSpec(epochs=10, batch=64)  # likewise; the paper trains 25 epochs
 FORECASTER = CalibratedSpec()
 TOUCH = 0.01  # [m]; samples are kept in single precision, and overlap when they are farther into another vehicle
 
@@ -48,7 +41,7 @@ class Forecasts:
         quantiles: of it, at `LEVELS` [m]; None for a model that gives a number only.
         overlaps: how many samples of each case overlap another vehicle at that step or before; None for a model that
             does not sample.
-        samples: of x at whole seconds [m]; None likewise.
+        samples: of x at whole seconds [m]; None likewise, and where not all of them count.
         gaps: of the net gap to the leader that it has at t = 0, in the same samples [m]; NaN where it has none or may
             leave it. None likewise.
     """
@@ -66,9 +59,11 @@ class Training:
 
     Attributes:
         cases: see `Cases`.
+        kept: what several models found out about the same scenes.
     """
 
     cases: Cases
+    kept: Kept = field(default_factory=Kept)
 
     @cached_property
     def longitudinal(self) -> Cases:
@@ -85,6 +80,11 @@ class Training:
     def merging(self) -> Cases:
         """Returns the cases that ask when the vehicle will merge."""
         return self.cases.select(self.cases.merging)
+
+    @cached_property
+    def paper(self) -> dict[Mode, PaperRows]:
+        """Returns the paper's framework in both modes."""
+        return fit_paper_rows(self.longitudinal, self.kept)
 
     @cached_property
     def scene_forecaster(self) -> SceneForecaster:
@@ -142,15 +142,19 @@ def car_following(training: Training, *, law: str) -> Predict:
 
     A vehicle without a leader keeps its speed.
     """
-    del training
-    return lambda scenes: Forecasts(_fitted_to_history(law, scenes.own))
+    return lambda scenes: Forecasts(_behind_constant_speed(law, scenes, training.kept))
 
 
-def lstm(training: Training) -> Predict:
-    """Returns the forecast of the paper's LSTM for the vehicle itself, trained on the training cases' own tracks."""
-    windows = _training_windows(training.longitudinal)
-    model = fit_lstm(windows, mode=Mode.CORRECTED, spec=LSTM, key=jax.random.key(1))
-    return lambda scenes: _lstm_forecast(model, scenes.own)
+def lstm(training: Training, *, mode: str) -> Predict:
+    """Returns the forecast of the paper's LSTM for the vehicle itself."""
+    rows = training.paper[Mode(mode)]
+    return lambda scenes: Forecasts(rows.alone(scenes))
+
+
+def framework(training: Training, *, law: str, mode: str) -> Predict:
+    """Returns the forecast of the paper's whole framework: algorithm 1 behind neighbours that its LSTMs predict."""
+    rows = training.paper[Mode(mode)]
+    return lambda scenes: Forecasts(rows.behind(law, scenes))
 
 
 def scene_forecaster(training: Training) -> Predict:
@@ -227,7 +231,7 @@ def _scene_forecast(model: SceneForecaster, scenes: MergeScenes) -> Forecasts:
         x=found.median.astype(float),
         quantiles=found.quantiles_at(*LEVELS).astype(float),
         overlaps=counts,
-        samples=samples,
+        samples=samples if found.counts.all() else None,
         gaps=np.where(stays[:, None, None], gaps, np.nan),
     )
 
@@ -243,52 +247,20 @@ def _relaxed(platoons: Platoons, relaxation: float) -> Float[np.ndarray, "case s
     return leader * TIME + (own - leader) * relaxation * (1.0 - np.exp(-TIME / relaxation))
 
 
-def _fitted_to_history(law: str, platoons: Platoons) -> Float[np.ndarray, "case step"]:
-    past = slice(HISTORY - PAST, None)
-    x, v = platoons.x[:, :2, past], platoons.v[:, :2, past]
-    length = known_lengths(platoons)[:, 1]
-    valid = platoons.valid[:, 0, past] & platoons.valid[:, 1, past]
-    fit = calibrate(
-        LAWS[law],
-        speed=np.where(valid, v[:, 0], 0.0),
-        leader_speed=np.where(valid, v[:, 1], 0.0),
-        gap=np.where(valid, x[:, 1] - x[:, 0] - length[:, None], np.inf),
-        acceleration=np.where(valid, platoons.a[:, 0, past], 0.0),
-        valid=valid,
-    )
+def _behind_constant_speed(law: str, scenes: MergeScenes, kept: Kept) -> Float[np.ndarray, "case step"]:
+    platoons = scenes.own
     led = platoons.present[:, 1]
-    ahead = np.where(led, x[:, 1, -1] - x[:, 0, -1], 0.0)
-    speed = np.where(led, np.maximum(v[:, 1, -1], 0.0), 0.0)
+    ahead = np.where(led, platoons.x[:, 1, -1] - platoons.x[:, 0, -1], 0.0)
+    speed = np.where(led, np.maximum(platoons.v[:, 1, -1], 0.0), 0.0)
     time = np.arange(FUTURE + 1) * STEP
     motion = follow(
         LAWS[law],
-        fit.parameters,
+        lane_parameters(law, scenes, Mode.CORRECTED, kept),
         x=np.zeros(len(platoons)),
         v=_speed(platoons),
         leader_x=ahead[:, None] + speed[:, None] * time,
         leader_v=np.repeat(speed[:, None], FUTURE + 1, axis=1),
-        leader_length=length,
+        leader_length=known_lengths(platoons)[:, 1],
         v_max=SPEED_LIMIT,
     )
     return np.where(led[:, None], motion.x, _speed(platoons)[:, None] * TIME)
-
-
-def _training_windows(cases: Cases) -> Float[np.ndarray, "sample step"]:
-    """Returns x [m] of runs of 21 steps in the pasts and futures of the training cases, `MOST_WINDOWS` at most."""
-    past = cases.platoons.x[:, 0] - cases.platoons.x[:, 0, -1:]
-    tracks = np.concatenate([past, cases.truth], axis=1)
-    windows = np.lib.stride_tricks.sliding_window_view(tracks, WINDOW, axis=1)[:, ::LSTM_STRIDE].reshape(-1, WINDOW)
-    windows = windows[np.isfinite(windows).all(axis=1)]
-    chosen = np.random.default_rng(1).permutation(len(windows))[:MOST_WINDOWS]
-    return windows[np.sort(chosen)]
-
-
-def _lstm_forecast(model: NeighbourLstm, platoons: Platoons) -> Forecasts:
-    """Returns the model's forecast; steps before the vehicle was seen are filled at its first known speed."""
-    x = platoons.x[:, 0] - platoons.x[:, 0, -1:]
-    first = np.argmax(np.isfinite(x), axis=1)
-    case = np.arange(len(x))
-    since = (np.arange(HISTORY) - first[:, None]) * STEP
-    filled = x[case, first][:, None] + platoons.v[case, 0, first][:, None] * since
-    past = np.where(np.isfinite(x), x, filled)[:, -PAST:]
-    return Forecasts(model.predict(past, steps=FUTURE).astype(float))

@@ -157,13 +157,12 @@ def fit_lstm(
     network = _fresh_network(spec.units, key=weights_key)
     batch = min(spec.batch, len(windows))
     steps = len(windows) // batch
-    optimiser = optax.adam(optax.exponential_decay(spec.learning_rate, steps, spec.decay, staircase=True), eps=1e-7)
-    state = optimiser.init(eqx.filter(network, eqx.is_array))
+    state = _optimiser(spec, steps).init(eqx.filter(network, eqx.is_array))
     losses = []
     for epoch in range(spec.epochs):
         key, order_key = jax.random.split(key)
         order = jax.random.permutation(order_key, len(windows))[: steps * batch].reshape(steps, batch)
-        network, state, loss = _epoch(optimiser, network, state, scaled, order)
+        network, state, loss = _epoch(spec, network, state, scaled, order)
         losses.append(float(loss))
         if progress is not None:
             progress(epoch + 1, spec.epochs, losses[-1])
@@ -190,9 +189,14 @@ def _to_unit(values: ArrayLike, lowest: ArrayLike, highest: ArrayLike) -> Array:
     return 2 * (jnp.asarray(values) - lowest) / (jnp.asarray(highest) - lowest) - 1
 
 
+def _optimiser(spec: LstmSpec, steps: int) -> optax.GradientTransformation:
+    """Returns Adam with a learning rate that falls after each epoch of so many steps."""
+    return optax.adam(optax.exponential_decay(spec.learning_rate, steps, spec.decay, staircase=True), eps=1e-7)
+
+
 @eqx.filter_jit
 def _epoch(
-    optimiser: optax.GradientTransformation,
+    spec: LstmSpec,
     network: Network,
     state: optax.OptState,
     windows: Float[Array, "sample window"],
@@ -200,6 +204,7 @@ def _epoch(
 ) -> tuple[Network, optax.OptState, Float[Array, ""]]:
     """Returns network and optimiser state after one pass over the samples in that order, and the mean loss."""
     dynamic, static = eqx.partition(network, eqx.is_array)
+    optimiser = _optimiser(spec, len(order))  # made here: a program is compiled once for all trainings of a size
 
     def loss_of(weights: Network, rows: Array) -> Float[Array, ""]:
         predicted = eqx.combine(weights, static)(windows[rows, :PAST])
