@@ -1,21 +1,19 @@
 """The forecaster of merge scenes: its contracts, what its samples say of merges, and scenes without a lane to merge."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from rampcast.forecast.merge_roll_out import MergeSamples
-from rampcast.forecast.platoon_forecaster import PlatoonForecasterSpec
-from rampcast.forecast.scene_forecaster import GAPS, fit_scene_forecaster, sample_quantiles
+from rampcast.forecast.calibrated import FEWEST_UNMERGED, CalibratedSpec, counted_quantiles, unmerged
+from rampcast.forecast.scene_forecaster import GAPS, fit_scene_forecaster
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import CorrectionSpec
 from rampcast.traffic.merge_scenes import without_target
+from rampcast.traffic.situation import situation_of_scenes
 from tests.forecast.merges_made_up import LENGTH, merges
 
 pytestmark = pytest.mark.slow
 
-SPEC = PlatoonForecasterSpec(samples=20, folds=3, correction=CorrectionSpec(trees=10))
+SPEC = CalibratedSpec(samples=20, folds=3, correction=CorrectionSpec(trees=10))
 
 
 def fitted(made, *, spec=SPEC):
@@ -53,7 +51,6 @@ def test_curves_are_the_shares_of_the_samples(forecast):
     assert (np.diff(forecast.p_within, axis=1) >= 0.0).all()
     np.testing.assert_allclose(forecast.p_gap.sum(axis=1), forecast.p_within[:, -1])
     assert forecast.p_gap.shape == (64, len(GAPS))
-    assert abs(forecast.chance.sum(axis=1).mean() - forecast.p_within[:, -1].mean()) < 0.04
 
 
 def test_median_time_and_place_belong_to_the_samples(forecast):
@@ -73,9 +70,10 @@ def test_samples_are_physical_after_the_correction_too(model, test, forecast):
     assert followed.any()
     speed = np.diff(forecast.samples, axis=2, prepend=0.0) / STEP
     assert speed.min() >= -1e-3
-    assert speed.max() <= max(model.merges.roll_out.roll_out.limit, 14.0) + 1e-2
-    assert (np.diff(forecast.quantiles, axis=2) >= -1e-6).all()
-    assert (np.diff(forecast.median, axis=1) >= -1e-6).all()
+    assert speed.max() <= max(model.model.base.roll_out.limit, 14.0) + 1e-2
+    quantiles = forecast.quantiles_at(*np.linspace(0.01, 0.99, 21))
+    assert (np.diff(quantiles, axis=2) >= 0.0).all()
+    assert (np.diff(quantiles, axis=1) >= 0.0).all()
 
 
 def test_merges_are_forecast_as_often_as_they_happen(forecast, test):
@@ -107,20 +105,23 @@ def test_without_a_lane_to_merge_into_nobody_merges(model, test, forecast):
     assert np.isnan(found.merge_place).all()
 
 
-def test_without_a_merge_in_training_all_are_forecast_as_platoons(model, test):
-    found = replace(model, merges=None).predict(test.scenes.select(np.arange(8)))
-    assert (found.merge_step == FUTURE).all()
-
-
-def test_quantiles_are_those_of_numpy_over_all_samples_or_over_those_that_wait(test):
-    """Nothing is known of where vehicles go that nobody has seen after their merge: then those that wait count."""
+def test_quantiles_are_those_of_numpy_over_the_samples_that_count():
     rng = np.random.default_rng(1)
-    x = np.cumsum(rng.uniform(0.0, 3.0, (5, 30, FUTURE)), axis=2).astype(np.float32)
-    step = rng.integers(0, 60, (5, 30))
-    drawn = MergeSamples(x, x, x, step, np.zeros_like(step), np.zeros((5, FUTURE)))
-    levels = np.array([0.1, 0.5, 0.77])
-    expected = np.moveaxis(np.quantile(x, levels, axis=1), 0, -1)
-    np.testing.assert_allclose(sample_quantiles(drawn, levels, beyond=True), expected, rtol=1e-5)
-    found = sample_quantiles(drawn, levels, beyond=False)
-    np.testing.assert_allclose(found[2, 20], np.quantile(x[2, step[2] >= 20, 20], levels), rtol=1e-5)
-    np.testing.assert_allclose(found[:, 74], expected[:, 74], rtol=1e-5)  # all have merged: they all count
+    x = np.cumsum(rng.uniform(0.0, 3.0, (5, 30, 8)), axis=2).astype(np.float32)
+    counts = rng.random(x.shape) < 0.5
+    found = np.stack(counted_quantiles(x, counts, (0.02, 0.1, 0.5, 0.77)), axis=-1)
+    for row, knot in np.ndindex(5, 8):
+        some = x[row, counts[row, :, knot], knot].astype(float)
+        expected = np.quantile(some, (0.02, 0.1, 0.5, 0.77), method="weibull")
+        np.testing.assert_allclose(found[row, knot], expected)
+
+
+def test_where_vehicles_were_not_seen_after_their_merge_those_that_wait_count(test):
+    """Of too few that wait no quantile is taken: then all count."""
+    situation = situation_of_scenes(test.scenes.select(np.arange(3)))
+    lane = np.zeros((3, 30, 2), dtype=np.int16)
+    lane[0, :20, 1] = lane[1, : 30 - FEWEST_UNMERGED + 1, 1] = 1
+    counts = unmerged(situation, situation.first[:-1], lane)
+    assert counts[:, :, 0].all()
+    np.testing.assert_array_equal(counts[0, :, 1], lane[0, :, 1] == 0)
+    assert counts[1:, :, 1].all()

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.models.disturbance import fit_disturbance, residual_now
+from rampcast.models.disturbance import fit_disturbance, residuals_now
 from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors
 from rampcast.models.platoon_head import KEPT, fit_head
+from rampcast.traffic.merge_scenes import without_target
 from rampcast.traffic.platoons import Platoons
+from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
 from tests.models.platoons_made_up import DRIVER, LENGTH, drive, idm
 
 HASTY, CALM = (1.5, 0.8, 2.0, 2.5, 22.0, 4.0), (3.0, 2.0, 0.8, 1.2, 22.0, 4.0)
@@ -54,12 +56,20 @@ def test_a_vehicle_seen_at_no_time_but_now_has_the_prior(two):
     np.testing.assert_allclose(posterior(two, now), 0.5)
 
 
+def situation_of(platoons: Platoons) -> Situation:
+    """Returns platoons as situations of one lane each, their vehicles from upstream to downstream."""
+    return situation_of_scenes(without_target(platoons))
+
+
 def test_every_vehicle_with_a_leader_has_its_own_posterior_and_the_head_has_the_prior(two):
     platoons = drive(12, vehicles=3, scatter=0.2).platoons
-    weights = posteriors(two, platoons)
-    np.testing.assert_allclose(weights[:, 0], posterior(two, platoons), atol=1e-6)
-    assert np.abs(weights[:, 0] - weights[:, 1]).max() > 0.1
-    np.testing.assert_array_equal(weights[:, 2:], 0.5)
+    situation = situation_of(platoons)
+    weights = posteriors(two, situation, np.ones(36, dtype=bool))
+    np.testing.assert_allclose(weights[::3], posterior(two, platoons), atol=1e-6)
+    assert np.abs(weights[::3] - weights[1::3]).max() > 0.1
+    np.testing.assert_array_equal(weights[2::3], 0.5)
+    some = np.arange(36) % 3 == 1
+    np.testing.assert_array_equal(posteriors(two, situation, some), weights[some])
 
 
 def test_the_prior_of_drivers_who_are_all_alike_is_narrow_and_forecasts_them():
@@ -103,16 +113,20 @@ def test_a_disturbance_that_is_not_there_is_small_and_one_that_is_is_found():
     assert found[1.0].persistence <= 0.7  # white noise: the least that is tried
 
 
-def test_the_residual_at_t_0_of_a_driver_who_keeps_to_the_law_is_none(two):
+def test_the_residual_at_t_0_of_a_driver_who_keeps_to_the_law_is_none():
+    """What goes beyond the law is the residual; of the last vehicle, who follows nobody, nothing is known."""
     made = drive(10, driver=HASTY)
-    weights = np.zeros((10, 2, 2))
-    weights[..., 0] = 1.0
-    platoons = made.platoons
-    own = idm(
-        np.array(HASTY), platoons.v[:, 0, -1], platoons.v[:, 1, -1], np.diff(platoons.x[:, :2, -1], axis=1)[:, 0] - 4.6
-    )
-    exact = replace(platoons, a=np.where(np.arange(9)[:, None] == 0, own[:, None, None], platoons.a))
-    np.testing.assert_allclose(residual_now(two, exact, weights, followers=2)[:, 0], 0.0, atol=1e-6)
+    situation = situation_of(made.platoons)
+    led = situation.leader != NOBODY
+    ahead = situation.leader[led]
+    gap = situation.x[ahead, -1] - LENGTH - situation.x[led, -1]
+    lawful = idm(np.array(HASTY), situation.v[led, -1], situation.v[ahead, -1], gap)
+    a = situation.a.copy()
+    a[led, -1] = np.clip(lawful + 0.1, -HASTY[3], HASTY[2])
+    found = residuals_now(np.tile(HASTY, (30, 1)), replace(situation, a=a))
+    np.testing.assert_allclose(found[led], a[led, -1] - lawful, atol=1e-6)
+    assert found[led].max() > 0.09
+    np.testing.assert_array_equal(found[~led], 0.0)
 
 
 def test_a_head_that_keeps_its_speed_is_found_to_and_one_that_returns_too():
@@ -120,10 +134,25 @@ def test_a_head_that_keeps_its_speed_is_found_to_and_one_that_returns_too():
     time = 0.2 * np.arange(1, 76)
     gap = made.platoons.x[:, 1, -1:] - made.platoons.x[:, 0, -1:]
     speed = made.platoons.v[:, 1, -1:]
-    kept = fit_head(made.platoons, made.truth, gap + speed * time)
+    kept = fit_head(np.array(DRIVER), made.platoons, made.truth, gap + speed * time)
     assert kept.relaxation == KEPT
     assert kept.noise < 1e-3
     mean = np.where(made.platoons.valid, made.platoons.v, 0.0).sum((1, 2)) / made.platoons.valid.sum((1, 2))
     back = 10.0 * (1.0 - np.exp(-time / 10.0))
-    returning = fit_head(made.platoons, made.truth, gap + speed * back + mean[:, None] * (time - back))
+    returning = fit_head(
+        np.array(DRIVER), made.platoons, made.truth, gap + speed * back + mean[:, None] * (time - back)
+    )
     assert returning.relaxation == 10.0
+
+
+def test_a_head_that_goes_on_to_its_desired_speed_is_found_to():
+    made = drive(60, vehicles=2)
+    x = made.platoons.x[:, 1, -1] - made.platoons.x[:, 0, -1]
+    v, places = made.platoons.v[:, 1, -1], []
+    for _ in range(75):
+        v = v + 0.2 * 0.25 * DRIVER[2] * (1.0 - (v / DRIVER[4]) ** DRIVER[5])
+        x = x + 0.2 * v
+        places.append(x)
+    found = fit_head(np.array(DRIVER), made.platoons, made.truth, np.stack(places, axis=1))
+    assert (found.relaxation, found.free) == (KEPT, 0.25)
+    assert found.noise < 1e-3

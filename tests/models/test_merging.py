@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rampcast.models.merge_loops import merge_features
 from rampcast.models.merging import (
     FEATURES,
     LANE_GOES_ON,
@@ -10,25 +11,21 @@ from rampcast.models.merging import (
     MARGIN,
     RARE,
     UNKNOWN_OFFSET,
-    Beside,
     fit_merge_hazard,
-    merge_features,
     merge_zone,
     person_periods,
 )
-
-pytestmark = pytest.mark.usefixtures("double_precision")
 
 STEPS = 75
 
 
 def features_of(**changes):
     """Returns the features of 10 m/s between vehicles 10 m ahead at 8 m/s and 20 m behind at 12 m/s."""
-    beside = {"lead_gap": 10.0, "lead_speed": 8.0, "lag_gap": 20.0, "lag_speed": 12.0, "ready": 1.0}
-    state = {"speed": 10.0, "into": 15.0, "left": 60.0, "offset": UNKNOWN_OFFSET, "approach": 0.0, "time": 0.0}
-    beside |= {name: value for name, value in changes.items() if name in beside}
-    state |= {name: value for name, value in changes.items() if name in state}
-    return np.array([float(value) for value in merge_features(beside=Beside(**beside), **state)])
+    state = {"v": 10.0, "lead_gap": 10.0, "lead_v": 8.0, "lag_gap": 20.0, "lag_v": 12.0, "ready": 1.0, "into": 15.0}
+    state |= {"left": 60.0, "offset": UNKNOWN_OFFSET, "approach": 0.0, "time": 0.0} | changes
+    found = np.full(FEATURES, np.nan)
+    merge_features(found, *state.values())
+    return found
 
 
 def test_features_by_hand():
@@ -45,7 +42,7 @@ def test_a_vehicle_abreast_leaves_no_room():
 
 
 def test_nobody_in_the_lane_is_a_wide_gap_at_the_own_speed():
-    found = features_of(lead_gap=1e6, lead_speed=10.0, lag_gap=1e6, lag_speed=10.0)
+    found = features_of(lead_gap=np.inf, lead_v=10.0, lag_gap=np.inf, lag_v=10.0)
     assert np.isfinite(found).all()
     np.testing.assert_array_equal(found[4:10], 0.0)
 

@@ -151,8 +151,8 @@ class RolledRows:
         regime: see `merge_features.Regime`.
     """
 
-    platoons: Float[np.ndarray, "row feature"]
-    merges: Float[np.ndarray, "row feature"]
+    platoons: Float[np.ndarray, "row lane_feature"]
+    merges: Float[np.ndarray, "row merge_feature"]
     average: Float[np.ndarray, "row knot"]
     median: Float[np.ndarray, "row knot"]
     spread: Float[np.ndarray, "row knot"]

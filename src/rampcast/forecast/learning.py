@@ -127,7 +127,7 @@ def fit_base(training: Training, *, seed: int) -> Base:
 
 
 def _priors(
-    training: Training, main: Int[np.ndarray, "row"], ramp: Int[np.ndarray, "row"]
+    training: Training, main: Int[np.ndarray, "main_row"], ramp: Int[np.ndarray, "ramp_row"]
 ) -> tuple[DriverPrior, DriverPrior]:
     """Returns the drivers of main lanes and of the ramp; the same where too few were seen there."""
 
