@@ -48,7 +48,7 @@ def main() -> None:
         paper_rows.WINDOWS = (count,)
         paper_rows.LSTM = replace(paper_rows.LSTM, epochs=epochs, learning_rate=rate, decay=decay)
         begin = time.process_time()
-        fitted = fit_paper_rows(train, Kept())
+        fitted = fit_paper_rows(train)
         used = (time.process_time() - begin) / len(fitted)
         for mode, of_mode in fitted.items():
             alone, leaders = errors(of_mode, validate)
@@ -58,8 +58,9 @@ def main() -> None:
 
 def errors(rows: paper_rows.PaperRows, cases: Cases) -> tuple[np.ndarray, np.ndarray]:
     """Returns the absolute errors [m] of the vehicles and of their leaders."""
-    ahead = rows.neighbours(cases.scenes)[:, 1, 1:] - cases.platoons.x[:, 0, -1:]
-    return np.abs(rows.alone(cases.scenes) - cases.truth), np.abs(ahead - cases.leader_truth)
+    kept = Kept()
+    ahead = rows.neighbours(cases.scenes, kept)[:, 1, 1:] - cases.platoons.x[:, 0, -1:]
+    return np.abs(rows.alone(cases.scenes, kept) - cases.truth), np.abs(ahead - cases.leader_truth)
 
 
 def shown(error: np.ndarray) -> str:

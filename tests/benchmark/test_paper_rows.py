@@ -36,7 +36,7 @@ def rows(mode: Mode) -> PaperRows:
     untrained = fit_lstm(
         np.cumsum(np.ones((2, 21)), axis=1), mode=mode, spec=LstmSpec(units=2, epochs=0, batch=1), key=jax.random.key(0)
     )
-    return PaperRows(mode, untrained, untrained, Kept())
+    return PaperRows(mode, untrained, untrained)
 
 
 @pytest.fixture
@@ -54,25 +54,27 @@ def merging(own, *, to_end=400.0, target=None) -> MergeScenes:
 def test_behind_a_neighbour_at_constant_speed_it_is_the_law_behind_a_leader_at_constant_speed(queue, cases, law):
     scenes = without_target(queue)
     plain = models.car_following(Training(cases), law=law)(scenes).x
-    np.testing.assert_allclose(rows(Mode.CORRECTED).behind(law, scenes), plain, atol=1e-6)
+    np.testing.assert_allclose(rows(Mode.CORRECTED).behind(law, scenes, Kept()), plain, atol=1e-6)
 
 
 def test_alone_it_is_what_the_model_says_of_the_vehicle_itself(queue):
     for mode in Mode:
-        np.testing.assert_allclose(rows(mode).alone(without_target(queue))[0], 14.0 * TIME, atol=1e-9)
+        np.testing.assert_allclose(rows(mode).alone(without_target(queue), Kept())[0], 14.0 * TIME, atol=1e-9)
 
 
 def test_with_nobody_in_the_target_lane_a_merging_vehicle_follows_its_own_leader(queue):
     one = rows(Mode.CORRECTED)
-    followed = one.behind("idm", merging(queue))
-    np.testing.assert_allclose(followed, one.behind("idm", without_target(queue)), atol=1e-6)
+    followed = one.behind("idm", merging(queue), Kept())
+    np.testing.assert_allclose(followed, one.behind("idm", without_target(queue), Kept()), atol=1e-6)
 
 
 def test_a_leader_beyond_the_end_of_the_lane_is_not_followed():
     """It was 29 m ahead 4 s ago, and the lane ends after 20 m: nobody is followed, and IDM drives freely."""
     far, free = made_up_platoon([60.0], [14.0, 9.0]), made_up_platoon([], [14.0])
     one = rows(Mode.CORRECTED)
-    np.testing.assert_allclose(one.behind("idm", merging(far, to_end=20.0)), one.behind("idm", merging(free)))
+    np.testing.assert_allclose(
+        one.behind("idm", merging(far, to_end=20.0), Kept()), one.behind("idm", merging(free), Kept())
+    )
 
 
 def test_of_two_lanes_the_actual_leader_is_half_way_between_both(queue):
@@ -87,7 +89,9 @@ def test_of_two_lanes_the_actual_leader_is_half_way_between_both(queue):
     expected = without_target(replace(queue, x=ahead))
     scenes = merging(queue, target=replace(target, **values))
     for mode in Mode:
-        np.testing.assert_allclose(rows(mode).behind("idm", scenes), rows(mode).behind("idm", expected), atol=1e-6)
+        np.testing.assert_allclose(
+            rows(mode).behind("idm", scenes, Kept()), rows(mode).behind("idm", expected, Kept()), atol=1e-6
+        )
 
 
 def test_paper_mode_fits_gaps_from_front_to_front_in_the_ranges_of_the_paper(cases):
@@ -112,9 +116,10 @@ def test_neighbours_are_predicted_once_for_all_rows(cases, asked):
     now = cases.select(np.array([name.startswith("1-") and name.endswith("-65") for name in cases.case.tolist()]))
     assert len(now) == 4
     one = rows(Mode.CORRECTED)
-    one.alone(now.scenes)
+    kept = Kept()
+    one.alone(now.scenes, kept)
     for law in ("gipps_paper", "ghr"):
-        one.behind(law, now.scenes)
+        one.behind(law, now.scenes, kept)
     assert asked == [8]
 
 

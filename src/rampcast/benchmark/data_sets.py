@@ -27,12 +27,15 @@ class DataSet:
         read: makes the cases from them.
         companion: name of a data set of the same road, which trains too: its training cases of windows that this one
             has no case of. Another window is another hour, so none of them shows the time of a test case.
+        neighbours: name of a data set of the same road on whose training cases the paper's LSTMs are trained for this
+            one too; none of them is a test case here.
     """
 
     name: str
     files: str
     read: Callable[[Sequence[Path]], Cases]
     companion: str | None = None
+    neighbours: str | None = None
 
     def find(self, folder: Path) -> list[Path]:
         """Returns its files in a folder."""
@@ -99,7 +102,12 @@ def us101_excerpts(files: Sequence[Path]) -> Cases:
 
 
 _TABLE = (
-    DataSet("i80_pairs_three_windows", "i80_pairs_three_windows.parquet", i80_pairs_three_windows),
+    DataSet(
+        "i80_pairs_three_windows",
+        "i80_pairs_three_windows.parquet",
+        i80_pairs_three_windows,
+        neighbours="i80_car_following_pairs",  # windows 1, up to its border, and 3; window 2 tests
+    ),
     DataSet(
         "i80_car_following_pairs",
         "i80_car_following_pairs.parquet",
@@ -110,7 +118,7 @@ _TABLE = (
     DataSet("i75_platoon", "i75_platoon.parquet", i75_platoon),
     DataSet("i24_scene", "i24_scene.parquet", i24_scene),
     DataSet("us101_excerpts", "us101_excerpts.csv", us101_excerpts),
-    DataSet("us101_ramp_merges", "us101_ramp_merges.parquet", us101_ramp_merges),
+    DataSet("us101_ramp_merges", "us101_ramp_merges.parquet", us101_ramp_merges, neighbours="us101_excerpts"),
     DataSet("hee_merge_pairs", "hee_merge_pairs.parquet", hee_merge_pairs),
     DataSet("simulated", "simulated-*.parquet", simulated),
 )

@@ -19,6 +19,7 @@ from rampcast.benchmark.cases import (
 )
 from rampcast.benchmark.lane_changes import crossing_times, gap_entered
 from rampcast.recording import Recording, read_recording
+from rampcast.sites import load_site
 from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import (
     AHEAD,
@@ -44,6 +45,7 @@ SLOTS = (1, 2, 3, 4, 5)  # of the merges file: f2, f1, l1, l2 in the target lane
 OWN_LEADER = SLOTS.index(5)
 SAME_VEHICLE = 0.5  # [m]; a gap that changes by this much more in 0.1 s than its relative speed is another vehicle's
 IDS = 100_000  # more than the vehicles around one merge
+LANE_ENDS = load_site("us101").ramp_end  # [m] x of the end of the lane, as in the excerpts
 MERGE_SPACING = 5  # frames at 10 Hz: anchors every 0.5 s
 # [m] of a German motorway (FGSV, RAA 2008, cross-section RQ 31); the file has lanes as real numbers
 RQ31_LANE_WIDTH = 3.75
@@ -61,7 +63,7 @@ def us101_ramp_merges(files: Sequence[Path]) -> Cases:
         frame=pl.int_range(pl.len()).over("merge"),
         left=pl.int_range(pl.len(), 0, -1).over("merge") - 1,
         own=10 * IDS * pl.col("merge").cast(pl.Int64),
-        x=-pl.col("distance_to_end"),
+        x=LANE_ENDS - pl.col("distance_to_end"),
     )
     seen = slot_vehicles(table)
     tracks = tracks_of_table(_merge_tracks(table, seen), time_step=TEN_HZ)
@@ -170,7 +172,7 @@ def _us101_merges(
     scenes = MergeScenes(
         own=platoons_of_tracks(tracks, rows),
         target=target_of_tracks(tracks, behind=(around[:, 0], around[:, 1]), leader_1=around[:, 2]),
-        to_end=-tracks.x[rows],
+        to_end=LANE_ENDS - tracks.x[rows],
         offset=unknown,
         approach=unknown,
     )

@@ -59,10 +59,12 @@ class Training:
 
     Attributes:
         cases: see `Cases`.
+        shared: gives the paper's framework where it is trained for several data sets at once; None to train it here.
         kept: what several models found out about the same scenes.
     """
 
     cases: Cases
+    shared: Callable[[], dict[Mode, PaperRows]] | None = None
     kept: Kept = field(default_factory=Kept)
 
     @cached_property
@@ -84,7 +86,7 @@ class Training:
     @cached_property
     def paper(self) -> dict[Mode, PaperRows]:
         """Returns the paper's framework in both modes."""
-        return fit_paper_rows(self.longitudinal, self.kept)
+        return self.shared() if self.shared else fit_paper_rows(self.longitudinal)
 
     @cached_property
     def scene_forecaster(self) -> SceneForecaster:
@@ -148,13 +150,13 @@ def car_following(training: Training, *, law: str) -> Predict:
 def lstm(training: Training, *, mode: str) -> Predict:
     """Returns the forecast of the paper's LSTM for the vehicle itself."""
     rows = training.paper[Mode(mode)]
-    return lambda scenes: Forecasts(rows.alone(scenes))
+    return lambda scenes: Forecasts(rows.alone(scenes, training.kept))
 
 
 def framework(training: Training, *, law: str, mode: str) -> Predict:
     """Returns the forecast of the paper's whole framework: algorithm 1 behind neighbours that its LSTMs predict."""
     rows = training.paper[Mode(mode)]
-    return lambda scenes: Forecasts(rows.behind(law, scenes))
+    return lambda scenes: Forecasts(rows.behind(law, scenes, training.kept))
 
 
 def scene_forecaster(training: Training) -> Predict:

@@ -76,42 +76,40 @@ class PaperRows:
     Attributes:
         mode: which reading of the paper.
         own: the neighbour model of the central vehicles' lanes.
-        target: that of the lanes that they may merge into; None where there is none.
-        kept: what the rows share.
+        target: that of the lanes that they may merge into.
     """
 
     mode: Mode
     own: NeighbourLstm
-    target: NeighbourLstm | None
-    kept: Kept
+    target: NeighbourLstm
 
-    def alone(self, scenes: MergeScenes) -> Float[np.ndarray, "case step"]:
+    def alone(self, scenes: MergeScenes, kept: Kept) -> Float[np.ndarray, "case step"]:
         """Returns the displacement [m] that the model of its lane predicts for the vehicle itself."""
-        return self.neighbours(scenes)[:, 0, 1:] - scenes.own.x[:, 0, -1:]
+        return self.neighbours(scenes, kept)[:, 0, 1:] - scenes.own.x[:, 0, -1:]
 
-    def behind(self, law: str, scenes: MergeScenes) -> Float[np.ndarray, "case step"]:
+    def behind(self, law: str, scenes: MergeScenes, kept: Kept) -> Float[np.ndarray, "case step"]:
         """Returns the displacement [m] by algorithm 1 with a law that is fitted to the 4 s of each case."""
         found = np.maximum(scenes.own.v[:, 0, -1:], 0.0) * TIME
         merging = scenes.may_merge
         lane = ~merging & scenes.own.present[:, 1]
         if lane.any():
-            found[lane] = self._in_lane(law, scenes, lane)
+            found[lane] = self._in_lane(law, scenes, lane, kept)
         if merging.any():
-            found[merging] = self._merging(law, scenes, merging)
+            found[merging] = self._merging(law, scenes, merging, kept)
         return found
 
-    def neighbours(self, scenes: MergeScenes) -> Float[np.ndarray, "case place step"]:
+    def neighbours(self, scenes: MergeScenes, kept: Kept) -> Float[np.ndarray, "case place step"]:
         """Returns x [m] of the vehicle itself and of its leader from t = 0 on, by the model of their lane."""
-        return self.kept.of(scenes, ("own", self.mode), lambda: _predicted(self.own, scenes.own, (0, 1)))
+        return kept.of(scenes, ("own", self.mode), lambda: _predicted(self.own, scenes.own, (0, 1)))
 
     def _in_lane(
-        self, law: str, scenes: MergeScenes, lane: Bool[np.ndarray, "case"]
+        self, law: str, scenes: MergeScenes, lane: Bool[np.ndarray, "case"], kept: Kept
     ) -> Float[np.ndarray, "lane_case step"]:
         own = scenes.own
-        x = self.neighbours(scenes)[lane, 1]
+        x = self.neighbours(scenes, kept)[lane, 1]
         motion = follow(
             LAWS[law],
-            lane_parameters(law, scenes, self.mode, self.kept)[lane],
+            lane_parameters(law, scenes, self.mode, kept)[lane],
             x=own.x[lane, 0, -1],
             v=np.maximum(own.v[lane, 0, -1], 0.0),
             leader_x=x,
@@ -122,24 +120,23 @@ class PaperRows:
         return motion.x - own.x[lane, 0, -1:]
 
     def _merging(
-        self, law: str, scenes: MergeScenes, merging: Bool[np.ndarray, "case"]
+        self, law: str, scenes: MergeScenes, merging: Bool[np.ndarray, "case"], kept: Kept
     ) -> Float[np.ndarray, "merge_case step"]:
-        assert self.target is not None
         some = scenes.select(merging)
         history = _history(some.own, _actual_leader(some, self.mode))
         end = _end(some)
-        own, target = self.neighbours(scenes)[merging], self._target(scenes)[merging]
-        leader_present, present = some.own.present[:, 1], some.target.present[:, TARGETS]
-        leader_x = np.where(leader_present[:, None], own[:, 1] - end[:, None], 0.0)
+        own, target = self.neighbours(scenes, kept)[merging], self._target(scenes, kept)[merging]
+        leader_present, present = some.own.present[:, 1:2], some.target.present[:, TARGETS]
+        leader_x = np.where(leader_present[..., None], own[:, 1:2] - end[:, None, None], 0.0)
         target_x = np.where(present[..., None], target - end[:, None, None], _stand_ins(some)[..., None])
-        leader_v = np.where(leader_present, some.own.v[:, 1, -1], 0.0)
+        leader_v = np.where(leader_present, some.own.v[:, 1:2, -1], 0.0)
         target_v = np.where(present, some.target.v[:, TARGETS, -1], 0.0)
         motion = roll_out(
             LAWS[law],
             calibrate(LAWS[law], **history, mode=self.mode).parameters,
             x=some.own.x[:, 0, -1] - end,
             v=np.maximum(some.own.v[:, 0, -1], 0.0),
-            leader=Neighbours(leader_x, _speeds(leader_x, leader_v), known_lengths(some.own)[:, 1], leader_present),
+            ramp=Neighbours(leader_x, _speeds(leader_x, leader_v), known_lengths(some.own)[:, 1:2], leader_present),
             target=Neighbours(target_x, _speeds(target_x, target_v), known_lengths(some.target)[:, TARGETS], present),
             ramp_end=0.0,
             v_max=SPEED_LIMIT,
@@ -147,18 +144,14 @@ class PaperRows:
         )
         return motion.x - (some.own.x[:, 0, -1] - end)[:, None]
 
-    def _target(self, scenes: MergeScenes) -> Float[np.ndarray, "case place step"]:
-        model = self.target
-        assert model is not None
-        return self.kept.of(scenes, ("target", self.mode), lambda: _predicted(model, scenes.target, TARGETS))
+    def _target(self, scenes: MergeScenes, kept: Kept) -> Float[np.ndarray, "case place step"]:
+        return kept.of(scenes, ("target", self.mode), lambda: _predicted(self.target, scenes.target, TARGETS))
 
 
-def fit_paper_rows(cases: Cases, kept: Kept) -> dict[Mode, PaperRows]:
+def fit_paper_rows(cases: Cases) -> dict[Mode, PaperRows]:
     """Returns the framework in both modes, trained on cases: the vehicles themselves, their leaders, the target lane.
 
-    Args:
-        cases: with their truths.
-        kept: for what the rows share.
+    Where nobody merges, the model of the vehicles' own lanes serves for a target lane too.
     """
     own, scenes = cases.scenes.own, cases.scenes
     since = own.x[:, 0, -1:]
@@ -170,16 +163,15 @@ def fit_paper_rows(cases: Cases, kept: Kept) -> dict[Mode, PaperRows]:
     keys = computing()(jax.random.split)(jax.random.key(1), len(lanes))
 
     @computing()
-    def fit(asked: tuple[Mode, int]) -> NeighbourLstm | None:
+    def fit(asked: tuple[Mode, int]) -> NeighbourLstm:
         mode, lane = asked
-        return fit_lstm(lanes[lane], mode=mode, spec=LSTM, key=keys[lane]) if len(lanes[lane]) else None
+        return fit_lstm(lanes[lane], mode=mode, spec=LSTM, key=keys[lane])
 
     # one training keeps one core busy
-    own_paper, own_corrected, *targets = in_threads(fit, [(mode, lane) for lane in range(len(lanes)) for mode in Mode])
-    assert own_paper is not None
-    assert own_corrected is not None
-    models = zip(Mode, (own_paper, own_corrected), targets, strict=True)
-    return {mode: PaperRows(mode, lane, target, kept) for mode, lane, target in models}
+    asked = [(mode, lane) for lane in range(len(lanes)) if len(lanes[lane]) for mode in Mode]
+    found = in_threads(fit, asked)
+    own_lane, target_lane = found[: len(Mode)], found[-len(Mode) :]
+    return {mode: PaperRows(mode, *models) for mode, *models in zip(Mode, own_lane, target_lane, strict=True)}
 
 
 def _windows(tracks: Float[np.ndarray, "track step"]) -> Float[np.ndarray, "sample window"]:
@@ -286,5 +278,5 @@ def _actual_leader(scenes: MergeScenes, mode: Mode) -> _Seen:
                 present=seen,
             )
         )
-    leader = actual_leader(x, leader=candidates[0], target=tuple(candidates[1:]), ramp_end=0.0, mode=mode)
+    leader = actual_leader(x, ramp=(candidates[0],), target=tuple(candidates[1:]), ramp_end=0.0, mode=mode)
     return _Seen(np.asarray(leader.v), np.asarray(gap_to(x, leader, mode=mode)), np.asarray(leader.present))

@@ -9,22 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
-from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS, DataSet
 from rampcast.benchmark.forecasting import forecast_merge_parts, forecast_parts
 from rampcast.benchmark.merge_tables import merge_case_table, merge_score_table
 from rampcast.benchmark.merges import MergeFit
-from rampcast.benchmark.models import Fit, Training
+from rampcast.benchmark.models import Fit
 from rampcast.benchmark.place_tables import case_table, score_table
-from rampcast.benchmark.splits import group_numbers, split
+from rampcast.benchmark.sides import Folders, sizes
 from rampcast.errors import RecordingError
 from rampcast.files import write_whole
 from rampcast.forecast.protocol import Progress, tell_nobody
 from rampcast.forecasters import merges, places
 from rampcast.simulate.shipped import shipped_sample
+from rampcast.threads import in_threads
 from rampcast.traffic.around import joined
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
@@ -117,19 +116,21 @@ def run_benchmark(
         RecordingError: no data set has its files in both folders.
     """
     tell = progress or tell_nobody
-    scored: list[dict[str, pl.DataFrame]] = []
-    record, left_out = {}, {}
-    for number, (name, data_set) in enumerate(data_sets.items()):
-        tell("data sets", number, len(data_sets))
-        files = [data_set.find(folder) or _shipped(data_set, simulated) for folder in (train, test)]
-        if not all(files):
-            missing = dict.fromkeys(str(folder) for folder, of in zip((train, test), files, strict=True) if not of)
-            left_out[name] = f"no file {data_set.files} in {' and '.join(missing)}"
-            continue
-        tables, record[name] = _scored(data_set, files, models, merge_models)
-        scored.append(tables)
-    tell("data sets", len(data_sets), len(data_sets))
-    return _put_together(scored, record, left_out)
+    folders = Folders(train, test, simulated, data_sets)
+    left_out = {name: reason for name in data_sets if (reason := folders.missing(name))}
+    asked = [name for name in data_sets if name not in left_out]
+    done: list[str] = []
+    tell("data sets", 0, len(asked))
+
+    def score(name: str) -> tuple[dict[str, pl.DataFrame], dict[str, Any]]:
+        found = _scored(name, folders, models, merge_models)
+        done.append(name)
+        tell("data sets", len(done), len(asked))
+        return found
+
+    scored = in_threads(score, asked)
+    record = {name: about for name, (_, about) in zip(asked, scored, strict=True)}
+    return _put_together([tables for tables, _ in scored], record, left_out)
 
 
 def _put_together(
@@ -164,18 +165,16 @@ def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> li
 
 
 def _scored(
-    data_set: DataSet,
-    files: Sequence[Sequence[Path]],
-    models: Mapping[str, Fit] | None,
-    merge_models: Mapping[str, MergeFit] | None,
+    name: str, folders: Folders, models: Mapping[str, Fit] | None, merge_models: Mapping[str, MergeFit] | None
 ) -> tuple[dict[str, pl.DataFrame], dict[str, Any]]:
     """Returns the tables of one data set, those of merges only where there are some on both sides; and for the record
     how it was split, and how many samples of each model overlap another vehicle.
     """
-    sides, about = _sides(data_set, *files)
+    sides, how = folders.sides(name)
+    about = {"split": how} | sizes(sides)
     models = places() if models is None else models
     merge_models = merges() if merge_models is None else merge_models
-    parts = [(Training(train), test) for train, test in sides]
+    parts = [(training, test) for training, (_, test) in zip(folders.trainings(name), sides, strict=True)]
     test = joined([test for _, test in sides])
     forecasts = forecast_parts(parts, models=models)
     tables = {"scores": score_table(test, forecasts), "cases": case_table(test, forecasts)}
@@ -189,52 +188,3 @@ def _scored(
     tables["merge_scores"] = merge_score_table(test, of_merges, limits)
     tables["merge_cases"] = merge_case_table(test, of_merges)
     return tables, about
-
-
-def _shipped(data_set: DataSet, simulated: Sequence[Path]) -> list[Path]:
-    return [Path(file) for file in simulated] if data_set.name == "simulated" else []
-
-
-def _sides(
-    data_set: DataSet, training: Sequence[Path], testing: Sequence[Path]
-) -> tuple[Sequence[tuple[Cases, Cases]], dict[str, Any]]:
-    """Returns the cases to train on and to test on, part by part, and what the run record says of them."""
-    same = [file.resolve() for file in training] == [file.resolve() for file in testing]
-    if same:
-        found = split(data_set.read(training))
-        sides = found.parts
-        how = "committed" if found.as_committed else "by the committed rule, but the cases are other ones"
-    else:
-        sides = ((data_set.read(training), data_set.read(testing)),)
-        how = "folders"
-    companions = _companions(data_set, training[0].parent, sides, same=same)
-    if companions is not None:
-        sides = tuple((joined([train, companions]), test) for train, test in sides)
-        how += f", with {len(companions)} training cases of {data_set.companion}"
-    return sides, {"split": how, "parts": len(sides)} | _sizes(sides)
-
-
-def _sizes(sides: Sequence[tuple[Cases, Cases]]) -> dict[str, int]:
-    """Returns how many cases, groups and merges train (of several parts, in the first) and test (in all)."""
-    train, test = sides[0][0], joined([test for _, test in sides])
-    of_both = {"train": train, "test": test}
-    sizes = {name: len(side) for name, side in of_both.items()}
-    sizes |= {f"{name}_groups": len(set(side.group.tolist())) for name, side in of_both.items()}
-    merging = {f"{name}_merges": int(side.merging.sum()) for name, side in of_both.items()}
-    return sizes | (merging if any(merging.values()) else {})
-
-
-def _companions(data_set: DataSet, folder: Path, sides: Sequence[tuple[Cases, Cases]], *, same: bool) -> Cases | None:
-    """Returns the cases of the companion that train too; see `DataSet.companion`. None without any."""
-    if data_set.companion is None:
-        return None
-    companion = DATA_SETS[data_set.companion]
-    files = companion.find(folder)
-    if not files:
-        return None
-    cases = companion.read(files)
-    if same:
-        cases = joined([train for train, _ in split(cases).parts])
-    own = np.concatenate([group_numbers(side) for part in sides for side in part])
-    others = cases.select(~np.isin(group_numbers(cases), own))
-    return others if len(others) else None
