@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from rampcast.forecast.learning import Base, Training, fit_base, merge_rates
 from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_average, sharing
+from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS, Correction, CorrectionSpec, Rolled, fit_correction
 from rampcast.models.merge_features import merge_table, platoon_table, regimes
 from rampcast.threads import shared_out
@@ -145,7 +146,7 @@ class RolledRows:
 
     Attributes:
         platoons, merges: features of each as one of a lane, and as one that merges.
-        average: displacement at the knots of the average driver [m].
+        average, steady: displacement at the knots of the average driver, and at constant speed [m].
         median, spread: of the samples' displacements at the knots [m].
         merged: share of them that has merged by then.
         regime: see `merge_features.Regime`.
@@ -154,6 +155,7 @@ class RolledRows:
     platoons: Float[np.ndarray, "row lane_feature"]
     merges: Float[np.ndarray, "row merge_feature"]
     average: Float[np.ndarray, "row knot"]
+    steady: Float[np.ndarray, "row knot"]
     median: Float[np.ndarray, "row knot"]
     spread: Float[np.ndarray, "row knot"]
     merged: Float[np.ndarray, "row knot"]
@@ -164,7 +166,7 @@ class RolledRows:
         features = np.column_stack([self.merges, self.merged]) if merging else self.platoons
         return Rolled(
             features=features[rows],
-            chains=self.average[rows][:, :, None],
+            chains=np.stack([self.average[rows], self.steady[rows]], axis=-1),
             median=self.median[rows],
             spread=self.spread[rows],
             regime=self.regime[rows],
@@ -285,6 +287,7 @@ def rolled_of(
         platoons=platoon_table(scenes.own),
         merges=merge_table(scenes),
         average=average,
+        steady=beginning.start.v[vehicle][:, None] * (STEP * (KNOTS + 1)),
         median=median - start[:, None],
         spread=high - low,
         merged=((target != NOBODY)[:, None, None] & (lane == target[:, None, None])).mean(axis=1),

@@ -20,6 +20,7 @@ from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
 
 PASSES = 2  # of learning the hazard: the second with those ahead merging by the first
 LEARNING_SAMPLES = 4  # futures of each training vehicle that the hazard is learned from
+FOREST_FOLDS = 3  # by which it is chosen how far the forest counts
 FEW_SAMPLES = 25  # futures by which a hazard is compared with the forest
 SPEED_MARGIN = 1.1  # the speed limit over the highest speed in training
 LEAST_RAMP = 100  # vehicles on the ramp behind a leader, at different moments: of fewer there is no prior of its own
@@ -164,7 +165,7 @@ def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:
         change_time=training.change_time,
         seen_for=training.seen_for,
         group=training.group,
-        folds=training.folds(5),
+        folds=training.folds(FOREST_FOLDS),
         seed=seed,
     )
 

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance, residuals_now
-from rampcast.models.drivers import DriverPrior, posteriors
+from rampcast.models.drivers import DriverPrior, posteriors, with_habit
 from rampcast.models.merging import UNKNOWN_OFFSET, MergeHazard
 from rampcast.models.platoon_head import Head
 from rampcast.threads import in_threads, thread_count
@@ -109,11 +109,11 @@ def begin(model: RollOut, situation: Situation) -> Beginning:
     merging = situation.merging
     weights, expected = (
         np.empty((len(merging), len(model.main.drivers))),
-        np.empty((len(merging), len(model.main.centre))),
+        np.empty((len(merging), len(model.main.centre) + 1)),
     )
     for prior, some in ((model.main, ~merging), (model.ramp, merging)):
         weights[some] = posteriors(prior, situation, some)
-        expected[some] = weights[some] @ prior.drivers
+        expected[some] = weights[some] @ prior.table
     moment, x = situation.moment, situation.x[:, -1]
     by_place = np.lexsort((x, moment))
     start = Start(
@@ -124,6 +124,7 @@ def begin(model: RollOut, situation: Situation) -> Beginning:
         residual=model.disturbance.trust * residuals_now(expected, situation),
         around=_mean_speeds(situation),
         length=situation.length,
+        gap=situation.gap,
         lane=situation.lane,
         offset=np.where(np.isfinite(situation.offset), situation.offset, UNKNOWN_OFFSET),
         approach=np.where(np.isfinite(situation.approach), situation.approach, 0.0),
@@ -182,7 +183,7 @@ def drive_average(model: RollOut, beginning: Beginning) -> Float[np.ndarray, "ve
     still = Draws(
         np.zeros((FEW_ROWS, 1, FUTURE), np.float32), np.full((FEW_ROWS, 1), np.inf), np.full((FEW_ROWS, 1), np.inf)
     )
-    average = np.array([model.main.centre, model.ramp.centre])
+    average = np.concatenate([with_habit(one.centre[None], one.habit) for one in (model.main, model.ramp)])
     found = _filled(
         model,
         start._replace(draw=np.zeros_like(start.draw)),
@@ -210,7 +211,7 @@ def _driven(
 ) -> Driven:
     rows = FEW_ROWS if beginning.start.draw.max(initial=0) < FEW_ROWS else ROWS_OF_DRAWS
     draws, order = _draws(rows, samples, seed)
-    drivers = np.concatenate([model.main.drivers, model.ramp.drivers])
+    drivers = np.concatenate([model.main.table, model.ramp.table])
     driver = drawn_drivers(beginning.weights, order[beginning.start.draw])
     driver += np.where(beginning.situation.merging, len(model.main.drivers), 0)[:, None]
     count = len(beginning.weights)

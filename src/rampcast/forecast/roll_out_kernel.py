@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.driver_loops import HARDEST as BRAKING
-from rampcast.models.driver_loops import clip, free, law, stopping
+from rampcast.models.driver_loops import clip, free, law, own_gap, stopping
 from rampcast.models.merge_loops import merge_features
 from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY
 from rampcast.physics.minimums import MINIMUM_GAP
@@ -36,6 +36,7 @@ class Start(NamedTuple):
         order: vehicles of each moment from upstream to downstream, counted within it.
         x, v, residual, around: front [m], speed [m/s], residual acceleration [m/s^2], and mean speed about [m/s].
         length: [m].
+        gap: net, to the leader at t0 [m]; infinite behind nobody.
         lane: index of the lane, within the moment.
         offset, approach, ready: see `models.merging.merge_features`.
         draw: row of the random numbers.
@@ -51,6 +52,7 @@ class Start(NamedTuple):
     residual: Float[np.ndarray, "vehicle"]
     around: Float[np.ndarray, "vehicle"]
     length: Float[np.ndarray, "vehicle"]
+    gap: Float[np.ndarray, "vehicle"]
     lane: Int[np.ndarray, "vehicle"]
     offset: Float[np.ndarray, "vehicle"]
     approach: Float[np.ndarray, "vehicle"]
@@ -68,13 +70,13 @@ class Law(NamedTuple):
     """What is learned, as numbers.
 
     Attributes:
-        drivers: parameters of the IDM.
+        drivers: parameters of the IDM, and the habit.
         numbers: persistence and kick of the residual; 1/relaxation [1/s], noise a step and share of the free
             acceleration of heads; weight of the putative leader, courtesy; rate of lane changes [1/s]; highest speed.
         hazard: weights, constant, first and last distance to the end of the lane; see `models.merging.MergeHazard`.
     """
 
-    drivers: Float[np.ndarray, "driver param"]
+    drivers: Float[np.ndarray, "driver param_and_habit"]
     numbers: Float[np.ndarray, "number"]
     hazard: Float[np.ndarray, "weight"]
 
@@ -153,7 +155,8 @@ def _merges(
         into = min(end[here] - x[i], LANE_GOES_ON)
         lead_v, lag_v = v[ahead] if ahead != NOBODY else v[i], v[lag[i]] if lag[i] != NOBODY else v[i]
         merge_features(
-            out, v[i], lead_gap, lead_v, lag_gap, lag_v, ready[i], hazard[-2] - into, end[here] - x[i] - hazard[-1], offset[i], approach[i], STEP * k,
+            out, v[i], lead_gap, lead_v, lag_gap, lag_v, ready[i], hazard[-2] - into,
+            end[here] - x[i] - hazard[-1], offset[i], approach[i], STEP * k,
         )  # fmt: skip
         can = room and into <= hazard[-2] and x[i] >= begin[here]
         if can_merge.shape[1] and not may[i]:
@@ -307,6 +310,9 @@ def drive(
                 fastest[i] = max(learned.numbers[8], v[i])
                 for p in range(6):
                     own[i, p] = learned.drivers[who, p]
+                habit = learned.drivers[who, 6]
+                factor = own_gap(habit, own[i, 0], own[i, 1], own[i, 4], own[i, 5], v[i], start.gap[first + i])
+                own[i, 0], own[i, 1] = own[i, 0] * factor, own[i, 1] * factor
                 own[i, 6] = 2.0 * np.sqrt(own[i, 2] * own[i, 3])
                 for k in range(FUTURE):
                     noise[i, k] = draws.noise[draw, s, k]

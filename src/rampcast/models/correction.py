@@ -11,6 +11,7 @@ Source: Papadopoulos, Gammerman and Vovk 2008 for normalised residuals; Vovk 201
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -29,6 +30,7 @@ Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Mode
 
 KNOTS = np.array([4, 9, 14, 24, 39, 49, 59, 74])  # steps of 0.2 s: 1, 2, 3, 5, 8, 10, 12, 15 s
 LEVELS = np.linspace(0.01, 0.99, 99)
+BLENDS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of each simpler roll-out that are tried
 NEARLY = 1.03  # of the least error
 LEAST_SCORES = 20  # a 5 % quantile of fewer residuals is not known
 LEAST_SPREAD = 0.05  # [m]; places are known no better
@@ -45,6 +47,7 @@ class CorrectionSpec:
         learning_rate, leaves, least_in_leaf: of the trees.
         strengths: parts of the correction that are tried on vehicles not trained on.
         least_cases: with fewer, nothing is corrected.
+        least_for_trees: with fewer, only the line is learned: trees of so few learn the vehicles.
         least_groups: vehicles that a regime needs to have quantiles of its own.
     """
 
@@ -54,6 +57,7 @@ class CorrectionSpec:
     least_in_leaf: int = 30
     strengths: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
     least_cases: int = 100
+    least_for_trees: int = 600
     least_groups: int = 20
 
 
@@ -79,12 +83,17 @@ class Rolled:
         own = (self.chains[:, knot] - self.median[:, knot, None], self.median[:, [knot]], self.spread[:, [knot]])
         return np.column_stack([self.features, *own])
 
+    def blended(self, knot: int, blend: Float[np.ndarray, "chain"]) -> Float[np.ndarray, "row"]:
+        """Returns the median of the roll-outs at a knot with as much of each simpler roll-out in it [m]."""
+        return self.median[:, knot] + (self.chains[:, knot] - self.median[:, knot, None]) @ blend
+
 
 @dataclass(frozen=True)
 class KnotCorrection:
     """The correction at one knot; without models the roll-outs stay as they are.
 
     Attributes:
+        blend: how much of each of the simpler roll-outs is in the median that is corrected.
         kept: columns that were known in training.
         medians: whose mean is what roll-outs miss.
         sizes: of the rest, over the roll-outs' spread.
@@ -93,6 +102,7 @@ class KnotCorrection:
         scores: quantiles of residual over size for each regime, and for all together in the last row.
     """
 
+    blend: Float[np.ndarray, "chain"]
     kept: Bool[np.ndarray, "column"]
     medians: tuple[Model, ...]
     sizes: tuple[Model, ...]
@@ -172,10 +182,15 @@ def _fit_knot(
     table, seen = rolled.table(knot), np.isfinite(truth)
     kept = np.isfinite(table[seen]).any(axis=0)  # trees cannot be fitted to a column of nothing
     table, spread = table[:, kept], _floored(rolled.spread[:, knot])
-    beyond = truth - rolled.median[:, knot]
+    blend = _blend(rolled, truth, seen, knot) if seen.sum() >= spec.least_cases else np.zeros(rolled.chains.shape[2])
+    beyond = truth - rolled.blended(knot, blend)
     if seen.sum() < spec.least_cases:
-        return KnotCorrection(kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec))
-    of_median, of_size = (_trees(seed, spec, spec.trees), fit_ranked_line), _trees(seed, spec, spec.trees // 2)
+        return KnotCorrection(
+            blend, kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec)
+        )
+    enough = seen.sum() >= spec.least_for_trees
+    of_median = (_trees(seed, spec, spec.trees), fit_ranked_line) if enough else (fit_ranked_line,)
+    of_size = _trees(seed, spec, spec.trees // 2) if enough else fit_ranked_line
     unseen = np.mean([_out_of_fold(table, beyond, seen, folds, fit, spec) for fit in of_median], axis=0)
     strength = _strength(beyond[seen], unseen[seen], spec.strengths)
     left = beyond - strength * unseen
@@ -185,7 +200,16 @@ def _fit_knot(
     medians = tuple(fit(table[seen], beyond[seen]) for fit in of_median) if strength else ()
     sizes = (of_size(table[seen], (np.abs(left) / spread)[seen]),) if sized else ()
     scores = _scores(left / (size if sized else spread), seen, rolled.regime, group, spec)
-    return KnotCorrection(kept, medians, sizes, strength, bool(sized), scores)
+    return KnotCorrection(blend, kept, medians, sizes, strength, bool(sized), scores)
+
+
+def _blend(
+    rolled: Rolled, truth: Float[np.ndarray, "row"], seen: Bool[np.ndarray, "row"], knot: int
+) -> Float[np.ndarray, "chain"]:
+    """Returns how much of each simpler roll-out makes the median err least."""
+    shares = np.array([one for one in product(BLENDS, repeat=rolled.chains.shape[2]) if sum(one) <= 1.0])
+    errors = [np.abs(truth[seen] - rolled.blended(knot, share)[seen]).mean() for share in shares]
+    return shares[int(np.argmin(errors))]
 
 
 def _strength(beyond: Float[np.ndarray, "row"], unseen: Float[np.ndarray, "row"], strengths: Sequence[float]) -> float:
@@ -272,7 +296,7 @@ def _floored(spread: Float[np.ndarray, "row"]) -> Float[np.ndarray, "row"]:
 
 def _quantiles(knot: KnotCorrection, rolled: Rolled, number: int) -> Float[np.ndarray, "row level"]:
     table = rolled.table(number)[:, knot.kept]
-    median, size = rolled.median[:, number], _floored(rolled.spread[:, number])
+    median, size = rolled.blended(number, knot.blend), _floored(rolled.spread[:, number])
     if knot.medians:
         median = median + knot.strength * np.mean([model.predict(table) for model in knot.medians], axis=0)
     for model in knot.sizes:

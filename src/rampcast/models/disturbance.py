@@ -57,19 +57,21 @@ def fit_disturbance(
     some = platoons.select(rows)
     weights = posterior(prior, some)
     ahead = np.where(np.isfinite(leader_truth), leader_truth, 0.0)[rows]
-    driven = np.einsum("pd,pds->ps", weights, behind_leader(prior.drivers, some, ahead))[:, STEPS]
+    driven = np.einsum("pd,pds->ps", weights, behind_leader(prior.table, some, ahead))[:, STEPS]
     beyond = truth[rows][:, STEPS] - driven
     gap = some.x[:, 1, -1] - some.x[:, 0, -1] - known_lengths(some)[:, 1]
     now = (some.v[:, 0, -1], some.v[:, 1, -1], gap, some.a[:, 0, -1], some.present[:, 1])
-    start = _residual(weights @ prior.drivers, *now)
+    start = _residual(weights @ prior.table, *now)
     return min((_given(persistence, start, beyond) for persistence in PERSISTENCES), key=lambda found: found[0])[1]
 
 
-def residuals_now(drivers: Float[np.ndarray, "vehicle param"], situation: Situation) -> Float[np.ndarray, "vehicle"]:
+def residuals_now(
+    drivers: Float[np.ndarray, "vehicle param_and_habit"], situation: Situation
+) -> Float[np.ndarray, "vehicle"]:
     """Returns the acceleration at t = 0 beyond the law's [m/s^2]; 0 behind no leader.
 
     Args:
-        drivers: expected parameters of the driver of each vehicle.
+        drivers: expected parameters of the driver of each vehicle, and the habit.
         situation: of any number of moments.
     """
     led = situation.leader != NOBODY
@@ -79,7 +81,7 @@ def residuals_now(drivers: Float[np.ndarray, "vehicle param"], situation: Situat
 
 
 def _residual(
-    drivers: Float[np.ndarray, "row param"],
+    drivers: Float[np.ndarray, "row param_and_habit"],
     speed: Float[np.ndarray, "row"],
     leader_speed: Float[np.ndarray, "row"],
     gap: Float[np.ndarray, "row"],

@@ -12,6 +12,11 @@ from rampcast.horizon import STEP
 from rampcast.physics.minimums import MINIMUM_GAP, MINIMUM_SPEED
 
 HARDEST = 8.0  # [m/s^2] about what a car can brake on a dry road
+LEAST_FREE = 0.05  # of the free term: near the desired speed the gap that keeps a speed is infinite
+NARROWEST, WIDEST = (
+    0.2,
+    5.0,
+)  # of the law's gaps: beyond them it is no habit but an approach, or a lane change just made
 
 
 @numba.njit(cache=True, nogil=True)
@@ -47,6 +52,28 @@ def clip(value: float, low: float, high: float) -> float:
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
+def own_gap(
+    habit: float, standing: float, headway: float, desired: float, exponent: float, v: float, gap: float
+) -> float:  # fmt: skip
+    """Returns by what a driver's gaps are multiplied, who is about content with the gap of now.
+
+    That is (gap / gap at which the law would keep the speed) ** habit: drivers differ more in the gaps that they keep
+    than in anything else, and what one keeps is seen. A habit of 0 leaves the law as it is.
+
+    Args:
+        habit: from 0 to 1.
+        standing, headway, desired, exponent: s_0 [m], h_d [s], v_d [m/s], delta [1].
+        v, gap: speed [m/s] and net gap now [m]; infinite behind nobody.
+    """
+    if habit <= 0.0 or not gap < np.inf:
+        return 1.0
+    freely = 1.0 - np.exp(exponent * np.log(max(v, MINIMUM_SPEED) / desired))
+    kept = (standing + headway * v) / np.sqrt(max(freely, LEAST_FREE))
+    return clip((max(gap, MINIMUM_GAP) / kept) ** habit, NARROWEST, WIDEST)
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
 def stopping(x: float, rear: float, leader_v: float) -> float:
     """Returns how far a vehicle may be in 0.2 s, to be able to stop behind a place that moves and may stop [m].
 
@@ -74,7 +101,7 @@ def likelihood(
     A drive begins, and begins anew after a hole, at the first moment at which follower and leader are seen.
 
     Args:
-        drivers: parameters of the IDM.
+        drivers: parameters of the IDM, and the habit; see `own_gap`.
         x, v, leader_x, leader_v, seen: of vehicles (rows) over their histories [m, m/s]; anything where not seen.
         length: of the leaders [m].
         size: usual error at the beginning [m], and what it grows by [m/s].
@@ -84,6 +111,9 @@ def likelihood(
         for d in range(drivers.shape[0]):
             standing, headway, highest, braking = drivers[d, 0], drivers[d, 1], drivers[d, 2], drivers[d, 3]
             desired, exponent, softness = drivers[d, 4], drivers[d, 5], 2.0 * np.sqrt(highest * braking)
+            now = leader_x[row, -1] - length[row] - x[row, -1] if seen[row, -1] else np.inf
+            factor = own_gap(drivers[d, 6], standing, headway, desired, exponent, v[row, -1], now)
+            standing, headway = standing * factor, headway * factor
             place = speed = driven = total = 0.0
             for k in range(x.shape[1]):
                 if not seen[row, k]:
@@ -108,7 +138,7 @@ def behind(drivers: Any, v: Any, length: Any, leader_x: Any, leader_v: Any, out:
     """Fills out with displacements [m] behind a leader's given future.
 
     Args:
-        drivers: parameters of the IDM.
+        drivers: parameters of the IDM, and the habit; see `own_gap`.
         v: speeds at t = 0 [m/s].
         length: of the leaders [m].
         leader_x, leader_v: their fronts, counted from the vehicles' at t = 0, and speeds at each step [m, m/s].
@@ -118,6 +148,10 @@ def behind(drivers: Any, v: Any, length: Any, leader_x: Any, leader_v: Any, out:
         for d in range(drivers.shape[0]):
             standing, headway, highest, braking = drivers[d, 0], drivers[d, 1], drivers[d, 2], drivers[d, 3]
             desired, exponent, softness = drivers[d, 4], drivers[d, 5], 2.0 * np.sqrt(highest * braking)
+            factor = own_gap(
+                drivers[d, 6], standing, headway, desired, exponent, v[row], leader_x[row, 0] - length[row]
+            )
+            standing, headway = standing * factor, headway * factor
             place, speed = 0.0, v[row]
             for k in range(leader_x.shape[1]):
                 gap = leader_x[row, k] - length[row] - place
@@ -161,7 +195,7 @@ def residuals(drivers: Any, v: Any, leader_v: Any, gap: Any, a: Any, led: Any, o
     """Fills out with the accelerations beyond the law's [m/s^2], both within the law's limits; 0 behind no leader.
 
     Args:
-        drivers: parameters of the IDM, of each vehicle.
+        drivers: parameters of the IDM, and the habit, of each vehicle.
         v, leader_v, gap, a: speeds [m/s], net gap [m] and acceleration [m/s^2]; anything where not `led`.
         led: whether there is a leader.
         out: a number for each vehicle.
@@ -172,5 +206,7 @@ def residuals(drivers: Any, v: Any, leader_v: Any, gap: Any, a: Any, led: Any, o
             highest, braking = drivers[row, 2], drivers[row, 3]
             speed = max(v[row], 0.0)
             freely, softness = free(highest, drivers[row, 4], drivers[row, 5], speed), 2.0 * np.sqrt(highest * braking)
-            lawful = law(drivers[row, 0], drivers[row, 1], highest, softness, freely, speed, leader_v[row], gap[row])
+            standing, headway = drivers[row, 0], drivers[row, 1]
+            factor = own_gap(drivers[row, 6], standing, headway, drivers[row, 4], drivers[row, 5], speed, gap[row])
+            lawful = law(standing * factor, headway * factor, highest, softness, freely, speed, leader_v[row], gap[row])
             out[row] = clip(a[row], -braking, highest) - clip(lawful, -braking, highest)

@@ -1,6 +1,6 @@
 """Drivers: a prior over the IDM's parameters from closed-loop trajectories, and what a vehicle's history adds to it.
 
-The centre of the prior is the driver that brings all training vehicles nearest to where they went, driven in closed
+The centre of the prior is the driver, and the habit of keeping the gap of now, that brings all training vehicles nearest to where they went, driven in closed
 loop behind their real leaders; the logarithms of the parameters scatter about it. A set of drivers drawn once from the
 prior stands for it, and the posterior of a vehicle weighs these by how well each reproduces its history, again in
 closed loop. Nothing is optimised when forecasting: 0.4 s of history, or one with holes, is as good an input as 4 s.
@@ -13,10 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
 from scipy.stats import norm, qmc
 
-from rampcast.horizon import FUTURE
-from rampcast.models.pooled_driver import fit_pooled_driver, true_leader
+from rampcast.horizon import FUTURE, WHOLE_SECONDS
+from rampcast.models.pooled_driver import LEAST_CASES, START, TYPICAL_ERROR, true_leader
+from rampcast.physics import idm
 from rampcast.threads import shared_out
 from rampcast.traffic.platoons import Platoons, known_lengths
 from rampcast.traffic.situation import NOBODY, Situation
@@ -25,6 +27,8 @@ DRIVERS = 64  # that stand for the prior
 SCATTERS = (0.1, 0.15, 0.2, 0.3)  # standard deviations of the logarithms that are tried
 INDEPENDENCES = (0.4, 1.0, 2.5)  # [1/s] independent errors a second of history that are tried
 MOST_CASES = 1000  # to choose among these; more choose the same
+HABITS, START_HABIT = (0.0, 1.0), 0.5
+DRIVEN = 1000  # vehicles that take a thread longer than it takes to begin
 NEAR, GROWTH = 0.3, 0.15  # [m], [m/s]: usual size of a closed-loop error, and its growth with the time driven
 RAREST = 1e-3  # quantile beyond which no driver is drawn
 SCATTERING = 5  # parameters that differ between drivers; all share the exponent
@@ -36,15 +40,22 @@ class DriverPrior:
 
     Attributes:
         centre: the parameters of the IDM, in the order of `physics.idm.Parameters`.
+        habit: how far a driver's gaps are those of now; see `driver_loops.own_gap`.
         scatter: standard deviation of the logarithms of all of them but the exponent.
         independence: independent errors in a second of history [1/s].
         drivers: parameters of the drivers that stand for the prior, equally likely.
     """
 
     centre: Float[np.ndarray, "param"]
+    habit: float
     scatter: float
     independence: float
     drivers: Float[np.ndarray, "driver param"]
+
+    @property
+    def table(self) -> Float[np.ndarray, "driver param_and_habit"]:
+        """Returns the drivers as the loops take them."""
+        return with_habit(self.drivers, self.habit)
 
 
 def fit_drivers(
@@ -57,23 +68,23 @@ def fit_drivers(
         truth: their displacements [m] after t = 0; NaN where not seen.
         leader_truth: front of their leaders, counted from the same places [m]; NaN where not seen.
     """
-    centre = fit_pooled_driver(platoons, truth, leader_truth=leader_truth)
+    centre, habit = _fit_centre(platoons, truth, leader_truth)
     known = (platoons.depth > 0) & np.isfinite(truth).all(axis=1) & np.isfinite(leader_truth).all(axis=1)
     rows = np.flatnonzero(known)
     rows = rows[:: max(1, len(rows) // MOST_CASES)]
     if not len(rows):
-        return _prior(centre, SCATTERS[0], INDEPENDENCES[0])
+        return _prior(centre, habit, SCATTERS[0], INDEPENDENCES[0])
     some = platoons.select(rows)
     best, prior = np.inf, None
     for scatter in SCATTERS:
-        drivers = _prior(centre, scatter, 1.0).drivers
+        drivers = _prior(centre, habit, scatter, 1.0).table
         futures = behind_leader(drivers, some, leader_truth[rows])
         likelihood = history_likelihood(drivers, some)
         for independence in INDEPENDENCES:
             mean = np.einsum("pd,pds->ps", _normalised(independence * likelihood), futures)
             error = float(np.abs(mean - truth[rows]).mean())
             if error < best:
-                best, prior = error, _prior(centre, scatter, independence)
+                best, prior = error, _prior(centre, habit, scatter, independence)
     assert prior is not None
     return prior
 
@@ -85,7 +96,7 @@ def posterior(prior: DriverPrior, platoons: Platoons) -> Float[np.ndarray, "plat
         prior: see `fit_drivers`.
         platoons: at least one; behind no leader all weights are equal.
     """
-    return _normalised(prior.independence * history_likelihood(prior.drivers, platoons))
+    return _normalised(prior.independence * history_likelihood(prior.table, platoons))
 
 
 def posteriors(
@@ -102,7 +113,7 @@ def posteriors(
     leader = np.where(situation.leader[rows] == NOBODY, 0, situation.leader[rows])
     seen = situation.valid[rows] & situation.valid[leader] & (situation.leader[rows] != NOBODY)[:, None]
     found = _likelihood(
-        prior.drivers,
+        prior.table,
         situation.x[rows],
         np.maximum(situation.v[rows], 0.0),
         situation.x[leader],
@@ -114,12 +125,12 @@ def posteriors(
 
 
 def history_likelihood(
-    drivers: Float[np.ndarray, "driver param"], platoons: Platoons
+    drivers: Float[np.ndarray, "driver param_and_habit"], platoons: Platoons
 ) -> Float[np.ndarray, "platoon driver"]:
     """Returns the logarithm of each history's likelihood under each driver, per independent error a second.
 
     Args:
-        drivers: parameters of the IDM.
+        drivers: see `DriverPrior.table`.
         platoons: at least one.
     """
     return _likelihood(
@@ -134,12 +145,14 @@ def history_likelihood(
 
 
 def behind_leader(
-    drivers: Float[np.ndarray, "driver param"], platoons: Platoons, leader_truth: Float[np.ndarray, "platoon step"]
+    drivers: Float[np.ndarray, "driver param_and_habit"],
+    platoons: Platoons,
+    leader_truth: Float[np.ndarray, "platoon step"],
 ) -> Float[np.ndarray, "platoon driver step"]:
     """Returns the displacement [m] of each central vehicle under each driver behind its leader's given future.
 
     Args:
-        drivers: parameters of the IDM.
+        drivers: see `DriverPrior.table`.
         platoons: each with a leader.
         leader_truth: front of the leader, counted from the central vehicle's place at t = 0 [m]; none is missing.
     """
@@ -148,12 +161,14 @@ def behind_leader(
     leader_x, leader_v = true_leader(platoons, leader_truth)
     found = np.empty((len(platoons), len(drivers), FUTURE))
     rows_of = (np.maximum(platoons.v[:, 0, -1], 0.0), known_lengths(platoons)[:, 1], leader_x, leader_v, found)
-    shared_out(lambda rows: behind(drivers, *(values[rows] for values in rows_of)), len(platoons))
+    shared_out(
+        lambda rows: behind(drivers, *(values[rows] for values in rows_of)), len(platoons), least=DRIVEN // len(drivers)
+    )
     return found
 
 
 def _likelihood(
-    drivers: Float[np.ndarray, "driver param"],
+    drivers: Float[np.ndarray, "driver param_and_habit"],
     x: Float[np.ndarray, "row past"],
     v: Float[np.ndarray, "row past"],
     leader_x: Float[np.ndarray, "row past"],
@@ -173,13 +188,41 @@ def _likelihood(
     return found
 
 
-def _prior(centre: Float[np.ndarray, "param"], scatter: float, independence: float) -> DriverPrior:
+def with_habit(drivers: Float[np.ndarray, "driver param"], habit: float) -> Float[np.ndarray, "driver param_and_habit"]:
+    """Returns drivers as the loops take them: the habit beside the parameters of the IDM."""
+    return np.column_stack([drivers, np.full(len(drivers), habit)])
+
+
+def _fit_centre(
+    platoons: Platoons, truth: Float[np.ndarray, "platoon step"], leader_truth: Float[np.ndarray, "platoon step"]
+) -> tuple[Float[np.ndarray, "param"], float]:
+    """Returns the driver, and the habit, that bring all training vehicles nearest to where they went."""
+    seen = np.isfinite(truth) & np.logical_and.accumulate(np.isfinite(leader_truth), axis=1)
+    rows = np.flatnonzero((platoons.depth > 0) & seen.any(axis=1))
+    if len(rows) < LEAST_CASES:
+        return np.array(START), 0.0
+    rows = rows[:: -(-len(rows) // MOST_CASES)]
+    some, ahead, at = platoons.select(rows), leader_truth[rows], seen[rows][:, WHOLE_SECONDS]
+    wanted = truth[rows][:, WHOLE_SECONDS][at]
+    low, high = np.array([*((bound.low, bound.high) for bound in idm.NET_BOUNDS), HABITS]).T
+    fit = least_squares(
+        lambda driver: behind_leader(driver[None], some, ahead)[:, 0][:, WHOLE_SECONDS][at] - wanted,
+        np.array([*START, START_HABIT]),
+        bounds=(low, high),
+        x_scale=high - low,
+        loss="soft_l1",
+        f_scale=TYPICAL_ERROR,
+        max_nfev=30,
+    )
+    return fit.x[:-1], float(fit.x[-1])
+
+
+def _prior(centre: Float[np.ndarray, "param"], habit: float, scatter: float, independence: float) -> DriverPrior:
     points = qmc.Sobol(SCATTERING, seed=1).random(DRIVERS)
     offsets = scatter * norm.ppf(np.clip(points, RAREST, 1 - RAREST))
     scattered = centre[:SCATTERING] * np.exp(offsets - offsets.mean(axis=0))
-    return DriverPrior(
-        centre, scatter, independence, np.column_stack([scattered, np.full(DRIVERS, centre[SCATTERING])])
-    )
+    drivers = np.column_stack([scattered, np.full(DRIVERS, centre[SCATTERING])])
+    return DriverPrior(centre, habit, scatter, independence, drivers)
 
 
 def _normalised(log_weight: Float[np.ndarray, "platoon driver"]) -> Float[np.ndarray, "platoon driver"]:

@@ -126,7 +126,7 @@ def _behind(
     from rampcast.models.driver_loops import behind  # numba, as above
 
     found = np.empty((len(v), 1, FUTURE))
-    behind(driver[None], v, length, leader_x, leader_v, found)
+    behind(np.append(driver, 0.0)[None], v, length, leader_x, leader_v, found)
     return found[:, 0]
 
 

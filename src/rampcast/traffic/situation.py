@@ -75,6 +75,13 @@ class Situation:
         """Returns whether each vehicle's lane merges into another."""
         return self.target[self.moment, self.lane] != NOBODY
 
+    @property
+    def gap(self) -> Float[np.ndarray, "vehicle"]:
+        """Returns the net gap to the leader at t0 [m]; infinite behind nobody."""
+        led = self.leader != NOBODY
+        leader = np.where(led, self.leader, 0)
+        return np.where(led, self.x[leader, -1] - self.length[leader] - self.x[:, -1], np.inf)
+
     def select(self, moments: Int[np.ndarray, "chosen"]) -> "Situation":
         """Returns those moments alone, in that order."""
         count = np.diff(self.first)[moments]
