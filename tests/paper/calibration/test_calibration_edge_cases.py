@@ -127,3 +127,15 @@ def test_the_ranges_of_a_net_gap_are_used_in_corrected_mode_alone():
     history = driven(100, seed=5)  # of drivers with standing gaps of 1 m to 3 m
     lowest = {mode: calibrate(LAWS["idm"], **history, mode=mode).parameters[:, 0].min() for mode in Mode}
     assert lowest[Mode.PAPER] >= 5.0 > lowest[Mode.CORRECTED] >= 0.5
+
+
+def test_a_leader_abreast_at_a_valid_step_is_told():
+    """A gap at the floor of 1 m or below; what invalid steps hold does not count."""
+    gap = np.full((3, PAST), 12.0)
+    gap[1, 4] = 0.4
+    gap[2, 4] = 0.4
+    valid = np.ones((3, PAST), dtype=bool)
+    valid[2, 4] = False
+    speed = np.full((3, PAST), 8.0)
+    fit = calibrate(LAWS["ghr"], speed=speed, leader_speed=speed, gap=gap, acceleration=0.0 * speed, valid=valid)
+    assert fit.abreast.tolist() == [False, True, False]

@@ -76,6 +76,16 @@ def test_a_statement_of_the_paper_is_measured_on_the_tables() -> None:
     assert _cells(table, "Highest mean error after 9 s")[2] == "GHR"
     assert _cells(table, "Importance by vehicle")[2] == "target > central > ramp"
     assert _cells(table, "Smaller mean error than the LSTM alone")[2].startswith("IDM 15 of 15 s")
+    on_the_ramp = _cells(table, "More within 5 m than the LSTM has of its ramp neighbours")[2]
+    assert on_the_ramp == "IDM 15 of 15 s, Gipps (paper) 15 of 15 s, GHR 0 of 15 s"
+    assert _cells(table, "Ramp neighbours predicted a little better than target-lane neighbours")[2] == "at 15 of 15 s"
+    assert _cells(table, "Cumulative accuracy falls with t, then rises")[2] == "lowest at 8 s"
+
+
+def test_an_accuracy_that_only_falls_is_told() -> None:
+    lane_change = tidy_tables.lane_change().with_columns(accuracy=1.0 - 0.01 * pl.col("t"))
+    table = claims_table({"lane_change": lane_change}, number="A1")
+    assert _cells(table, "Cumulative accuracy falls with t, then rises")[2] == "lowest at 15 s: it only falls"
 
 
 def test_statements_without_tables_are_dashes() -> None:

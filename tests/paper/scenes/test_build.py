@@ -8,7 +8,7 @@ import pytest
 
 from rampcast.errors import RecordingError
 from rampcast.horizon import FUTURE, PAST, STEP
-from rampcast.paper.neighbours.windows import training_windows
+from rampcast.paper.neighbours.windows import in_influence_area, seen_long, training_windows
 from rampcast.paper.scenes import SLOTS, build_scenes
 from rampcast.paper.scenes.scenes import CENTRAL, LEADER, TARGET_FOLLOWER_1, TARGET_LEADER_1
 from rampcast.recording import clean
@@ -214,6 +214,17 @@ def test_training_windows_are_gapless_and_stay_in_their_lanes(recording):
     assert windows.shape == (count, 21)
     with pytest.raises(RecordingError, match="cannot be trained"):
         training_windows(recording, [3])
+
+
+def test_paper_mode_trains_on_vehicles_seen_for_19_seconds_and_on_the_ramp_influence_area(recording):
+    """1,500 ft = 457.2 m downstream of the gore at 117.8 m."""
+    whole = recording.tracks.group_by("vehicle").agg(seen=(pl.col("frame").max() - pl.col("frame").min()) * STEP)
+    long = set(whole.filter(pl.col("seen") >= 19.0 - 1e-9)["vehicle"])
+    assert 0 < len(long) < whole.height
+    assert set(seen_long(recording).tracks["vehicle"]) == long
+    x = in_influence_area(recording).tracks["x"]
+    assert (x.min() >= 117.8, x.max() <= 575.0) == (True, True)
+    assert len(x) == recording.tracks.filter(pl.col("x").is_between(117.8, 575.0)).height < recording.tracks.height
 
 
 def test_scenes_ask_for_a_smoothed_recording_and_for_a_vehicle_on_the_ramp(recording):
