@@ -11,13 +11,18 @@ import polars as pl
 
 PAGE = Path(__file__).parents[1] / "benchmark.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
-SHOWN = ("constant_velocity", "relax_to_leader", "idm", "gipps_paper", "ghr", "lstm")
+SHOWN = ("constant_velocity", "relax_to_leader", "idm", "gipps_paper", "ghr", "lstm", "lstm_paper")
+LAWS = ("idm", "gipps_paper", "ghr")
+FRAMEWORK = tuple(f"framework_{law}{mode}" for mode in ("", "_paper") for law in LAWS)
 POOLED = ("pooled_idm", "chain_1", "chain_2", "chain_4", "chain_8", "rampcast_without_correction", "rampcast", "oracle")
 HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
+COVERED = (1.0, 2.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
+OWN = "rampcast"
 TIMES = ("time_error", "time_error_ratio", "c_index", "crps", "gap_accuracy", "place_error")  # of merges
 HEADS = ("error [s]", "of `kaplan_meier`'s", "C-index", "CRPS [s]", "gap right", "place error [m]")
 OF_SECONDS = {
     "brier_skill": "Brier skill",
+    "skill_over_forests": "Brier skill beside `forests_natural`",
     "calibration_error": "calibration error",
     "accuracy": 'accuracy of "within t"',
     "exact_accuracy": 'accuracy of "at t", balanced',
@@ -31,7 +36,8 @@ def main() -> None:
     options.add_argument("--write", action="store_true", help="put them into docs/benchmark.md")
     chosen = options.parse_args()
     merges = chosen.scores.with_name("merge_scores.parquet")
-    text = tables(pl.read_parquet(chosen.scores))
+    scores = pl.read_parquet(chosen.scores)
+    text = tables(scores) + "\n\n" + own_table(scores)
     if merges.is_file():
         text += "\n\n" + merge_tables(pl.read_parquet(merges))
     if not chosen.write:
@@ -61,10 +67,12 @@ def table(name: str, depth: int, rows: pl.DataFrame, most: int) -> str:
     who = f"leaders known: {depth} or more" if depth else "all cases"
     lines = [f"**`{name}`, {who}** (n = {most:,} of {groups} groups)", ""]
     lines.append(
-        "| mean absolute error [m] | " + " | ".join(f"{h:.0f} s" for h in HORIZONS) + " | 95 % interval, last |"
+        "| mean absolute error [m] | "
+        + " | ".join(f"{h:.0f} s" for h in HORIZONS)
+        + " | 95 % interval, last | surely better |"
     )
-    lines.append("|---|" + "---:|" * (len(HORIZONS) + 1))
-    for model in (*SHOWN, *POOLED):
+    lines.append("|---|" + "---:|" * (len(HORIZONS) + 2))
+    for model in (*SHOWN, *FRAMEWORK, *POOLED):
         of_model = rows.filter(pl.col("model") == model)
         if of_model.is_empty():
             continue
@@ -72,7 +80,25 @@ def table(name: str, depth: int, rows: pl.DataFrame, most: int) -> str:
         last = of_model.filter(pl.col("horizon").is_in(HORIZONS)).row(-1, named=True)
         cells = [f"{error[h]:.2f}" if h in error else "–" for h in HORIZONS]
         cells.append(f"{last['error_low']:.1f} to {last['error_high']:.1f} ({last['horizon']:.0f} s)")
+        cells.append("–" if last["better_until"] is None else f"{last['better_until']:.2f}")
         lines.append(f"| `{model}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def own_table(scores: pl.DataFrame) -> str:
+    """Returns what our 90 % bands cover in each data set, and the gap to the oracle that our forecast closes."""
+    lines = ["**What our 90 % bands cover** [%], and the part of the gap to the oracle that is closed", ""]
+    heads = [f"{h:.0f} s" for h in COVERED] + ["interval, last", "gap closed, last"]
+    lines += ["| data set | " + " | ".join(heads) + " |", "|---|" + "---:|" * len(heads)]
+    own = scores.filter((pl.col("model") == OWN) & (pl.col("depth") == 0)).drop_nulls("coverage_90")
+    for (name,), rows in own.group_by("data_set", maintain_order=True):
+        covered = dict(zip(rows["horizon"], rows["coverage_90"], strict=True))
+        last = rows.filter(pl.col("horizon").is_in(COVERED)).row(-1, named=True)
+        cells = [f"{100 * covered[h]:.0f}" if h in covered else "–" for h in COVERED]
+        cells.append(f"{100 * last['coverage_90_low']:.0f} to {100 * last['coverage_90_high']:.0f}")
+        closed = (last[column] for column in ("gap_closed", "gap_closed_low", "gap_closed_high"))
+        cells.append("–" if last["gap_closed"] is None else "{:.2f} ({:.2f} to {:.2f})".format(*closed))
+        lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
