@@ -9,6 +9,7 @@ import pytest
 
 import rampcast as rc
 from rampcast.errors import ModelError, RampcastError
+from rampcast.forecast import parts
 from rampcast.forecast.forecaster import fit
 from rampcast.forecast.leaders import NOBODY, leaders
 from rampcast.forecast.tables import FILES
@@ -85,6 +86,17 @@ def test_the_tables_of_every_forecaster_have_the_same_columns(any_forecaster, re
         last = positions.filter((positions["model"] == name) & (positions["horizon"] == 15.0))
         np.testing.assert_allclose(last["x"], x[:, -1], atol=0.00501)  # to a centimetre
         assert last["x_q05"].is_null().all() == (name not in forecast.bands)
+
+
+def test_the_parts_of_a_raw_recording_are_its_forecast(any_forecaster, recording, monkeypatch):
+    monkeypatch.setattr(parts, "SCENES", 20)
+    asked = any_forecaster.in_parts(recording.raw, every=4.0)
+    each = [part.tables()["forecast"] for part in asked.each]
+    assert len(each) == asked.total > 2
+    whole = any_forecaster.predict(recording, every=4.0).tables()["forecast"]
+    both = whole.join(pl.concat(each), on=[*KEYS, "lane", "horizon", "model"], how="inner")
+    assert both.height == whole.height
+    np.testing.assert_allclose(both["x"], both["x_right"], atol=0.011)
 
 
 def test_a_recording_that_is_not_smoothed_is_refused_with_advice(any_forecaster):
