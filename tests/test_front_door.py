@@ -173,6 +173,11 @@ def test_a_picture_of_a_forecast_shows_the_vehicle_and_moment_that_are_asked_for
     assert not np.any(median.get_ydata())  # displacements, not positions
 
 
+def test_of_many_moments_one_vehicle_is_drawn_at_a_time():
+    with pytest.raises(rc.RampcastError, match=r"one vehicle is drawn at a time, got \[7, 8\]"):
+        rc.plot(standing_forecasts("noon"), vehicle=[7, 8])
+
+
 @pytest.mark.parametrize("asked", [{"vehicle": 9}, {"t0": 4.5}, {"window": "night"}, {"vehicle": 7, "t0": 5.0}])
 def test_a_forecast_that_is_not_there_is_answered_with_one_that_is(asked):
     with pytest.raises(rc.RampcastError, match=r"there are 2, the first of vehicle 7 at 4\.0 s"):

@@ -97,6 +97,8 @@ def _seen(truth: Recording, t0: float) -> pl.DataFrame:
 
 
 def _fan(forecast: Forecasts, vehicle: object, t0: float | None, window: str | None, truth: Recording | None) -> Figure:
+    if isinstance(vehicle, list | tuple):
+        raise RampcastError(f"plot: of many moments one vehicle is drawn at a time, got {vehicle!r}")
     scene = _scene(forecast, vehicle, t0, window)
     name, own, moment = str(forecast.recording[scene]), forecast.vehicle[scene], float(forecast.t0[scene])
     table = forecast.select(np.array([scene])).position_table()
