@@ -8,7 +8,7 @@ import numpy as np
 
 from rampcast.forecast import roll_out_kernel as kernel
 from rampcast.horizon import FUTURE, STEP
-from rampcast.models.driver_loops import HARDEST
+from rampcast.models.driver_loops import HARDEST, own_gap
 from rampcast.models.merge_loops import merge_features
 from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY
 
@@ -47,7 +47,7 @@ class Plain:
                 x=float(start.x[i]),
                 v=float(start.v[i]),
                 lane=int(start.lane[i]),
-                driver=learned.drivers[driver[i, sample]].tolist(),
+                driver=own(learned.drivers[driver[i, sample]].tolist(), float(start.v[i]), float(start.gap[i])),
                 extra=float(start.residual[i]),
                 ready=float(start.ready[i]),
                 fastest=max(learned.numbers[8], float(start.v[i])),
@@ -189,6 +189,13 @@ class Plain:
             needed = min(one.v**2 / (2.0 * max(self.end[one.lane] - one.x, 0.1)), HARDEST)
             a = min(a, -needed) if needed > kernel.STOPPING else a
         return a
+
+
+def own(driver, v, gap):
+    """Returns a driver's own parameters: with a habit, about content with the gap of now."""
+    standing, headway, highest, braking, desired, exponent, habit = driver
+    factor = own_gap(habit, standing, headway, desired, exponent, v, gap)
+    return [standing * factor, headway * factor, highest, braking, desired, exponent]
 
 
 def idm(one, ahead, gap, free):

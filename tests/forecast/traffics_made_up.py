@@ -39,7 +39,7 @@ def model(*, hazard: float = -3.0, manners: Manners | None = None, seed: int = 0
 
 def _prior(rng: np.random.Generator, centre: np.ndarray) -> DriverPrior:
     drivers = centre * np.exp(np.column_stack([0.2 * rng.standard_normal((16, 5)), np.zeros(16)]))
-    return DriverPrior(centre, 0.2, 1.0, drivers)
+    return DriverPrior(centre, 0.6, 0.2, 1.0, drivers)
 
 
 def traffic_of(

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.horizon import STEP
-from rampcast.models.driver_loops import HARDEST, free, law, stopping
+from rampcast.models.driver_loops import HARDEST, NARROWEST, WIDEST, free, law, own_gap, stopping
 from rampcast.physics import idm
 
 pytestmark = pytest.mark.usefixtures("double_precision")
@@ -53,3 +53,21 @@ def test_who_keeps_to_the_stopping_place_can_stop_behind_a_leader_that_brakes_as
 def test_behind_what_is_reached_already_it_stays():
     assert stopping(10.0, 9.0, 20.0) == 10.0
     assert stopped(0.0, 8.0) == pytest.approx(0.2 * (6.4 + 4.8 + 3.2 + 1.6))
+
+
+@given(DRIVERS, st.floats(1.0, 20.0), st.floats(3.0, 80.0))
+@settings(deadline=None)
+def test_a_driver_of_full_habit_keeps_speed_in_the_gap_of_now(driver, v, gap):
+    standing, headway, highest, braking, desired, exponent = driver
+    factor = own_gap(1.0, standing, headway, desired, exponent, v, gap)
+    assert own_gap(0.0, standing, headway, desired, exponent, v, gap) == 1.0
+    freely = free(highest, desired, exponent, v)
+    if NARROWEST < factor < WIDEST and freely > 0.05 * highest:
+        softness = 2.0 * np.sqrt(highest * braking)
+        assert law(standing * factor, headway * factor, highest, softness, freely, v, v, gap) == pytest.approx(
+            0.0, abs=1e-9
+        )
+
+
+def test_behind_nobody_there_is_no_habit():
+    assert own_gap(1.0, 2.0, 1.2, 20.0, 4.0, 10.0, np.inf) == 1.0

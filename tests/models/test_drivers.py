@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rampcast.models.disturbance import fit_disturbance, residuals_now
-from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors
+from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors, with_habit
 from rampcast.models.platoon_head import KEPT, fit_head
+from rampcast.models.pooled_driver import fit_pooled_driver
 from rampcast.traffic.merge_scenes import without_target
 from rampcast.traffic.platoons import Platoons
 from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
@@ -19,7 +20,7 @@ HASTY, CALM = (1.5, 0.8, 2.0, 2.5, 22.0, 4.0), (3.0, 2.0, 0.8, 1.2, 22.0, 4.0)
 @pytest.fixture(scope="module")
 def two() -> DriverPrior:
     """A prior over two drivers."""
-    return DriverPrior(np.array(DRIVER), 0.3, 1.0, np.array([HASTY, CALM]))
+    return DriverPrior(np.array(DRIVER), 0.0, 0.3, 1.0, np.array([HASTY, CALM]))
 
 
 def seen(platoons: Platoons, steps: np.ndarray) -> Platoons:
@@ -76,7 +77,7 @@ def test_the_prior_of_drivers_who_are_all_alike_is_narrow_and_forecasts_them():
     made = drive(120)
     prior = fit_drivers(made.platoons, made.truth, made.leader_truth)
     weights = posterior(prior, made.platoons)
-    forecast = np.einsum("pd,pds->ps", weights, behind_leader(prior.drivers, made.platoons, made.leader_truth))
+    forecast = np.einsum("pd,pds->ps", weights, behind_leader(prior.table, made.platoons, made.leader_truth))
     assert prior.scatter == 0.1
     assert np.abs(forecast - made.truth).mean() < 0.15
 
@@ -84,15 +85,17 @@ def test_the_prior_of_drivers_who_are_all_alike_is_narrow_and_forecasts_them():
 def test_drivers_who_differ_are_forecast_better_with_their_posteriors_than_all_alike():
     made = drive(200, scatter=0.3)
     prior = fit_drivers(made.platoons, made.truth, made.leader_truth)
-    futures = behind_leader(prior.drivers, made.platoons, made.leader_truth)
+    futures = behind_leader(prior.table, made.platoons, made.leader_truth)
     own = np.einsum("pd,pds->ps", posterior(prior, made.platoons), futures)
     assert prior.scatter > 0.1
-    assert np.abs(own - made.truth).mean() < 0.75 * np.abs(futures.mean(axis=1) - made.truth).mean()
+    alike = with_habit(fit_pooled_driver(made.platoons, made.truth, leader_truth=made.leader_truth)[None], 0.0)
+    pooled = behind_leader(alike, made.platoons, made.leader_truth)[:, 0]
+    assert np.abs(own - made.truth).mean() < 0.75 * np.abs(pooled - made.truth).mean()
 
 
 def test_the_law_of_a_driver_behind_a_given_leader_is_what_a_plain_loop_makes_of_it():
     made = drive(3)
-    found = behind_leader(np.array([CALM]), made.platoons, made.leader_truth)[:, 0]
+    found = behind_leader(with_habit(np.array([CALM]), 0.0), made.platoons, made.leader_truth)[:, 0]
     leader = np.column_stack([made.platoons.x[:, 1, -1] - made.platoons.x[:, 0, -1], made.leader_truth])
     speed = np.column_stack([made.platoons.v[:, 1, -1], np.diff(leader, axis=1) / 0.2])
     x, v = np.zeros(3), made.platoons.v[:, 0, -1]
@@ -123,7 +126,7 @@ def test_the_residual_at_t_0_of_a_driver_who_keeps_to_the_law_is_none():
     lawful = idm(np.array(HASTY), situation.v[led, -1], situation.v[ahead, -1], gap)
     a = situation.a.copy()
     a[led, -1] = np.clip(lawful + 0.1, -HASTY[3], HASTY[2])
-    found = residuals_now(np.tile(HASTY, (30, 1)), replace(situation, a=a))
+    found = residuals_now(np.tile([*HASTY, 0.0], (30, 1)), replace(situation, a=a))
     np.testing.assert_allclose(found[led], a[led, -1] - lawful, atol=1e-6)
     assert found[led].max() > 0.09
     np.testing.assert_array_equal(found[~led], 0.0)

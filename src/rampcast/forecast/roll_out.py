@@ -306,11 +306,13 @@ def _draws(rows: int, samples: int, seed: int) -> tuple["Draws", Int[np.ndarray,
     """Returns noise with mean zero over the samples, stratified thresholds (unit exponential), orders of drivers."""
     from rampcast.forecast.roll_out_kernel import Draws
 
-    chance = np.random.default_rng(seed)
+    ordering, merging, changing, driving = np.random.default_rng(seed).spawn(4)  # so that few rows begin as many do
     share = (np.arange(samples) + 0.5) / samples
-    order = np.stack([chance.permutation(samples) for _ in range(rows)])
-    threshold, change = (np.stack([-np.log(chance.permutation(share)) for _ in range(rows)]) for _ in range(2))
-    noise = chance.standard_normal((rows, samples, FUTURE), dtype=np.float32)
+    order = np.stack([ordering.permutation(samples) for _ in range(rows)])
+    threshold, change = (
+        np.stack([-np.log(chance.permutation(share)) for _ in range(rows)]) for chance in (merging, changing)
+    )
+    noise = driving.standard_normal((rows, samples, FUTURE), dtype=np.float32)
     noise -= noise.mean(axis=1, keepdims=True)
     return Draws(noise, threshold, change), order
 
