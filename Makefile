@@ -1,6 +1,7 @@
 # make demo   installs and runs the whole job on the shipped simulated recordings; leaves out/demo/report.html
 # make test   installs and runs all tests
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
+# make pretrained   trains the model that the wheel brings along, from the recordings in RAMPCAST_DATA and the shipped ones
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +9,7 @@ BIN := $(VENV)/bin
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick check bench bench-smoke docs sample clean
+.PHONY: demo test quick check bench bench-smoke docs sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -39,6 +40,9 @@ docs: $(VENV)/.installed-docs
 
 sample: $(VENV)/.installed-dev
 	$(BIN)/python -m rampcast.simulate sample src/rampcast/simulate/data
+
+pretrained: $(VENV)/.installed-dev
+	$(BIN)/python -m rampcast.benchmark.pretrained
 
 clean:
 	rm -rf $(VENV) out site dist

@@ -31,6 +31,7 @@ from rampcast.paper.laws.mode import Mode
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rampcast.forecast.forecaster import Forecaster
     from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
     from rampcast.paper.framework import PaperSpec
 
@@ -54,10 +55,17 @@ def train(
     batch: Batch = 32,
     stride: Stride = 1,
     seed: Seed = 1,
+    start: Annotated[
+        str,
+        typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'."),
+    ] = "pretrained",
     mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
-    """Trains the forecaster; with --paper the paper's framework: two neighbour LSTMs and 32 lane-change forests."""
-    from rampcast.forecast.forecaster import ForecasterSpec, fit
+    """Trains the forecaster on a site, in stages that are kept: after an interruption the same command goes on.
+
+    With --paper the paper's framework instead: two neighbour LSTMs and 32 lane-change forests.
+    """
+    from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
     from rampcast.forecast.storage import save
     from rampcast.models.folder import check_replaceable
     from rampcast.paper.framework import fit_paper
@@ -68,11 +76,31 @@ def train(
         recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
         model: RecordingForecaster
         if paper is None:
-            model = fit(recording, spec=ForecasterSpec(seed=seed), progress=tell)
+            kept = out.with_name(f"{out.name}.stages")
+            model = fit(recording, spec=ForecasterSpec(seed=seed), start=started(start), kept=kept, progress=tell)
         else:
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
+    if isinstance(model, Forecaster) and model.score is not None:
+        terminal.print_held_out(model.score)
+
+
+def started(start: str) -> "Forecaster | None":
+    """Returns the forecaster that training starts from.
+
+    Raises:
+        RampcastError: it is the paper's, or cannot be read.
+    """
+    from rampcast.forecast.forecaster import Forecaster
+    from rampcast.forecast.storage import load
+
+    if start == "none":
+        return None
+    found = load(start)
+    if not isinstance(found, Forecaster):
+        raise RampcastError(f"--from {start}: the paper's framework; expected a model of `rampcast train`")
+    return found
 
 
 def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: str | None) -> None:
@@ -123,16 +151,14 @@ def forecast(
 
 
 def trained_model(folder: Path | None) -> "RecordingForecaster":
-    """Returns the forecaster of a model folder.
+    """Returns the forecaster of a model folder; without one the pretrained one.
 
     Raises:
-        RampcastError: none is given, or it cannot be read.
+        RampcastError: it cannot be read.
     """
-    from rampcast.forecast.storage import load
+    from rampcast.forecast.storage import PRETRAINED, load
 
-    if folder is None:
-        raise RampcastError("no model was given: train one with `rampcast train`, and name its folder with --model")
-    return load(folder)
+    return load(PRETRAINED if folder is None else folder)
 
 
 def forecast_files(

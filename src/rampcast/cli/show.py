@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rampcast.benchmark import Benchmark
     from rampcast.doctor import Diagnosis, Finding, RoadDiagnosis, Summary
     from rampcast.download import Download
+    from rampcast.forecast.held_out import HeldOut
     from rampcast.forecast.protocol import Progress as Tell
     from rampcast.formats import ReadReport
     from rampcast.recording import CleaningReport
@@ -114,6 +115,20 @@ def print_download(found: "Download", folder: Path) -> None:
     say(f"read: {found.rows_read:,} rows{skipped} of {found.vehicles:,} vehicles in {', '.join(found.recordings)}")
     files = " ".join(shlex.quote(str(folder / name)) for name in (found.unpacked or (found.file,)))
     say(f"next: rampcast inspect {files}" + (" --skip-bad-rows" if found.rows_skipped else ""))
+
+
+def print_held_out(score: "HeldOut") -> None:
+    """Prints the errors on the minutes that were held out."""
+    from rampcast.horizon import STEP
+    from rampcast.models.correction import KNOTS
+
+    heads = ("horizon [s]", "trained [m]", "it started from [m]", "constant speed [m]", "90 % band holds")
+    title = f"mean error on the last fifth of the recording, {score.vehicles:,} forecasts, by a training on the rest"
+    table = titled(title, heads, numbers=heads)
+    columns = (score.trained, score.start, score.steady, score.trained_coverage)
+    for knot, trained, start, steady, share in zip(KNOTS.tolist(), *columns, strict=True):
+        table.add_row(f"{(knot + 1) * STEP:g}", f"{trained:.2f}", f"{start:.2f}", f"{steady:.2f}", f"{share:.0%}")
+    output.print(table)
 
 
 def print_json(values: Mapping[str, Any]) -> None:

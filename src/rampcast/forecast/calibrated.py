@@ -6,12 +6,14 @@ minutes. The moves keep the order of a vehicle's samples, and `projection` keeps
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rampcast.forecast.learning import Base, Training, fit_base, merge_rates
 from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_average, sharing
+from rampcast.forecast.stages import Stages
 from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS, Correction, CorrectionSpec, Rolled, fit_correction
 from rampcast.models.merge_features import merge_table, platoon_table, regimes
@@ -25,6 +27,11 @@ FEWEST_UNMERGED = 5  # samples of which quantiles are taken
 CHUNK = 1500  # vehicles at a time: 100 samples of them are 45 MB
 CORRECTION = CorrectionSpec()
 Tell = Callable[[int, int], None]  # stages done, stages in all
+NOT_KEPT = Stages(None, {})
+
+
+def tell_nobody(done: int, total: int) -> None:
+    """Is told of stages where nobody wants to know."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,7 @@ class CalibratedSpec:
     correction: CorrectionSpec | None = CORRECTION
 
 
-SPEC = CalibratedSpec()
+SPEC: Final[CalibratedSpec] = CalibratedSpec()
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,26 @@ class Calibrated:
         shift = np.concatenate([moves, np.zeros((1, *moves.shape[1:]), np.float32)])[follow]
         self._project(beginning, shift, driven)
         return beginning, driven
+
+    def quantiles(self, training: Training, levels: tuple[float, ...]) -> tuple[Float[np.ndarray, "row knot"], ...]:
+        """Returns quantiles of the final samples' displacements at the knots [m], of vehicles of whole moments.
+
+        Args:
+            training: whose futures are not looked at. Vehicles of its moments that are not asked for are moved like
+                the one next to them in the situation that is.
+            levels: of the quantiles.
+        """
+        parts = []
+        for some in _chunks(training):
+            asked = np.argsort(some.vehicle, kind="stable")
+            place = np.searchsorted(some.vehicle[asked], np.arange(some.situation.first[-1]))
+            follow = asked[np.minimum(place, len(asked) - 1)]
+            beginning, driven = self.futures(some.situation, some.scenes, some.vehicle, follow)
+            lane, x = (values[some.vehicle][:, :, KNOTS] for values in (driven.lane, driven.x))
+            counts = self._counts(some.situation, some.vehicle, lane)
+            x = x - beginning.start.x[some.vehicle][:, None, None]
+            parts.append(np.stack(counted_quantiles(x, counts, levels)))
+        return tuple(np.concatenate(parts, axis=1))
 
     def _counts(
         self, situation: Situation, vehicle: Int[np.ndarray, "row"], lane: Int[np.ndarray, "row sample knot"]
@@ -174,7 +201,13 @@ class RolledRows:
 
 
 def fit_calibrated(
-    training: Training, *, seed: int = 1, spec: CalibratedSpec = SPEC, tell: Tell | None = None
+    training: Training,
+    *,
+    seed: int = 1,
+    spec: CalibratedSpec = SPEC,
+    start: Calibrated | None = None,
+    stages: Stages = NOT_KEPT,
+    tell: Tell = tell_nobody,
 ) -> Calibrated:
     """Returns what the training vehicles teach.
 
@@ -182,50 +215,78 @@ def fit_calibrated(
         training: see there.
         seed: of samples and trees.
         spec: what may be chosen.
+        start: whose parts are taken where there is too little to learn from; None for none.
+        stages: keeps what takes long.
         tell: called when a stage is done.
     """
-    tell = tell or (lambda done, stages: None)
     beyond = bool((training.seen_for > training.change_time + 0.1).any())
-    stages = 1 if spec.correction is None else spec.folds + 3
-    tell(0, stages)
-    base = fit_base(training, seed=seed)
+    folds = training.folds(spec.folds) if spec.correction is not None else []
+    total = len(folds) + (3 if folds else 1)
+    base_start = None if start is None else start.base
+    tell(0, total)
+    base = stages.kept("base-all", lambda: fit_base(training, seed=seed, start=base_start))
     plain = Calibrated(spec, base, None, None, beyond)
-    tell(1, stages)
-    if spec.correction is None:
+    tell(1, total)
+    if not folds:
         return plain
-    parts, order = [], []
-    folds = training.folds(spec.folds)
-    for number, (train, test) in enumerate(folds, start=1):
-        unseen = fit_base(training.select(train), seed=seed) if len(train) else base
-        parts.append(rolled_rows(replace(plain, base=unseen), training.select(test)))
-        order.append(test)
-        tell(1 + number, stages)
-    rolled = joined(parts)
-    back = np.argsort(np.concatenate(order), kind="stable")
-    rolled = RolledRows(**{one.name: getattr(rolled, one.name)[back] for one in fields(RolledRows)})
+    parts = []
+    for number, (train, test) in enumerate(folds):
+        unseen = _Unseen(plain, training, train, test, seed, base_start)
+        parts.append(stages.kept(f"rolled-{number}", unseen.rolled))
+        tell(2 + number, total)
+    rolled = _in_order(joined(parts), np.concatenate([test for _, test in folds]))
     in_lane = _corrected(training, rolled, np.flatnonzero(~training.scenes.may_merge), False, seed, spec)
-    tell(spec.folds + 2, stages)
+    tell(total - 1, total)
     merging = _corrected(training, rolled, np.flatnonzero(training.merging), True, seed, spec)
-    tell(stages, stages)
+    tell(total, total)
+    if start is not None:
+        in_lane, merging = in_lane or start.in_lane, merging or start.merging
     return replace(plain, in_lane=in_lane, merging=merging)
+
+
+@dataclass(frozen=True)
+class _Unseen:
+    """A block of vehicles and time, and models that see neither."""
+
+    model: Calibrated
+    training: Training
+    train: Int[np.ndarray, "row"]
+    test: Int[np.ndarray, "row"]
+    seed: int
+    start: Base | None
+
+    def rolled(self) -> "RolledRows":
+        """Returns the roll-outs of the block by what all others teach."""
+        others = self.training.select(self.train) if len(self.train) else None
+        base = self.model.base if others is None else fit_base(others, seed=self.seed, start=self.start)
+        return rolled_rows(replace(self.model, base=base), self.training.select(self.test))
+
+
+def _in_order(rolled: "RolledRows", order: Int[np.ndarray, "row"]) -> "RolledRows":
+    back = np.argsort(order, kind="stable")
+    return RolledRows(**{one.name: getattr(rolled, one.name)[back] for one in fields(RolledRows)})
 
 
 def _corrected(
     training: Training,
-    rolled: RolledRows,
+    rolled: "RolledRows",
     rows: Int[np.ndarray, "chosen"],
     merging: bool,
     seed: int,
     spec: CalibratedSpec,
 ) -> Correction | None:
-    if not len(rows) or spec.correction is None:
+    """Returns the correction of those vehicles; None of too few."""
+    if spec.correction is None or len(rows) < spec.correction.least_cases:
         return None
     some = training.select(rows)
-    truth = some.truth[:, KNOTS]
     return fit_correction(
-        rolled.of(rows, merging=merging), truth, group=some.group, folds=some.folds(spec.folds), seed=seed,
+        rolled.of(rows, merging=merging),
+        some.truth[:, KNOTS],
+        group=some.group,
+        folds=some.folds(spec.folds),
+        seed=seed,
         spec=spec.correction,
-    )  # fmt: skip
+    )
 
 
 def rolled_rows(model: Calibrated, training: Training) -> RolledRows:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
+from pathlib import Path
 from typing import overload
 
 import numpy as np
@@ -13,8 +15,10 @@ from rampcast.forecast.calibrated import SPEC, Calibrated, CalibratedSpec, fit_c
 from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts, joined
+from rampcast.forecast.held_out import HeldOut, check_enough, held_out
 from rampcast.forecast.parts import moment_parts
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, Progress, check_same_site, tell_nobody
+from rampcast.forecast.stages import stages_of
 from rampcast.horizon import FUTURE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -48,23 +52,25 @@ class Forecaster:
     """A fitted forecaster of one site.
 
     Attributes:
-        site: where it was trained.
+        site: where it was trained; None for one of any site, as the pretrained one is.
         model: drives all vehicles of a moment together.
         training: how it was trained.
         trained_on: names of the windows it was trained on.
         data_hash: SHA-256 of their tracks.
         window_hashes: SHA-256 of the tracks of each of them, whatever its name.
+        score: of the minutes that were held out while it was trained; see `held_out.HeldOut`.
     """
 
-    site: Site
+    site: Site | None
     model: Calibrated
     training: ForecasterSpec
     trained_on: tuple[str, ...]
     data_hash: str
     window_hashes: tuple[str, ...]
+    score: HeldOut | None = None
 
     def __repr__(self) -> str:
-        return f"<Forecaster of {self.site.name}, trained on {', '.join(self.trained_on)}>"
+        return f"<Forecaster of {self.site.name if self.site else 'any site'}, trained on {', '.join(self.trained_on)}>"
 
     @overload
     def predict(self, what: Recording, *, every: float = 1.0, threads: int | None = None) -> Forecasts: ...
@@ -96,18 +102,22 @@ class Forecaster:
                 return self._of_traffic(what)
             return self.predict_at(what, find_anchors(what, every=every))
 
+    def _check(self, site: Site) -> None:
+        if self.site is not None:
+            check_same_site(self.site, site)
+
     def _of_traffic(self, traffic: Traffic) -> Forecast:
-        check_same_site(self.site, traffic.site)
+        self._check(traffic.site)
         return forecast_traffic(self.model, traffic)
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecasts:
         """Returns the forecasts of the vehicles at those rows of a recording, which `find_anchors` gave."""
-        check_same_site(self.site, recording.site)
+        self._check(recording.site)
         return _of_rows(recording, rows, self._of_traffic)
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns the forecasts of all vehicles of a recording, raw or smoothed, a moment after the other."""
-        check_same_site(self.site, recording.site)
+        self._check(recording.site)
         return moment_parts(self._of_traffic, recording, every=every)
 
 
@@ -143,6 +153,8 @@ def fit(
     *,
     every: float | None = None,
     spec: ForecasterSpec | None = None,
+    start: Forecaster | None = None,
+    kept: Path | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Forecaster:
@@ -150,26 +162,40 @@ def fit(
 
     Args:
         recording: all windows to train on, of one site.
-        every: time between training anchors [s], a multiple of 0.2, the longer the quicker; None takes the spec's.
+        every: time between training moments [s], a multiple of 0.2, the longer the quicker; None takes the spec's.
         spec: how to train.
+        start: whose parts are taken where the recording is too little to learn them from, as `rc.load("pretrained")`.
+            With it the last minutes of the recording are held out first, to score both.
+        kept: folder for the stages of the training, which goes on there when it is called again after an interruption.
         progress: called as (what, done, total).
         threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
     Raises:
-        RampcastError: it is no smoothed recording, its site has no ramp, or no vehicle is on the ramp for 4 s.
+        RampcastError: it is no smoothed recording, its site has no ramp, or nobody follows or merges in it.
     """
     spec, tell = spec or ForecasterSpec(), progress or tell_nobody
     spec = spec if every is None else replace(spec, spacing=every)
+    data_hash = recording_hash(recording)
+    # the tags name this module's classes, so they are known only by now
+    stages = stages_of(kept, import_module("rampcast.forecast.tags").TAGS, data_hash, spec, start and start.data_hash)
     with choosing_threads(threads):
         training = training_of(recording, spacing=spec.spacing, tell=partial(tell, "moments"))
-        model = fit_calibrated(training, seed=spec.seed, spec=spec.model, tell=partial(tell, "stages"))
+        check_enough(training, recording.names)
+        first = None if start is None else start.model
+        learn = partial(fit_calibrated, seed=spec.seed, spec=spec.model, start=first)
+        score = None
+        if first is not None:
+            score = held_out(training, first, partial(learn, tell=partial(tell, "held-out score")), stages)
+        model = learn(training, stages=stages, tell=partial(tell, "stages"))
+    stages.forget()
     return Forecaster(
         site=recording.site,
         model=model,
         training=spec,
         trained_on=tuple(recording.names),
-        data_hash=recording_hash(recording),
+        data_hash=data_hash,
         window_hashes=window_hashes(recording),
+        score=score,
     )
 
 

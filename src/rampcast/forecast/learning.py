@@ -1,25 +1,32 @@
 """What vehicles of recordings teach a roll-out: drivers, what they do beside their law, heads, and merges."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from rampcast.forecast.roll_out import Manners, RollOut, begin, drive, drive_waiting
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
 from rampcast.models.disturbance import fit_disturbance
 from rampcast.models.drivers import DriverPrior, fit_drivers
 from rampcast.models.folds import Fold, time_folds
 from rampcast.models.merge_features import merge_columns
 from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
-from rampcast.models.merging import NEVER, fit_merge_hazard, merge_zone
+from rampcast.models.merging import LEAST_EVENTS, NEVER, fit_merge_hazard, merge_zone
 from rampcast.models.platoon_head import fit_head
+from rampcast.models.pooled_driver import LEAST_CASES
+from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.platoons import HISTORY
-from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
+from rampcast.traffic.situation import NOBODY, Situation, joined_situations, situation_of_scenes
 
 PASSES = 2  # of learning the hazard: the second with those ahead merging by the first
 LEARNING_SAMPLES = 4  # futures of each training vehicle that the hazard is learned from
+PUTATIVE, COURTESIES = (0.0, 0.25, 0.5), (0.0, 0.2, 0.4)  # weights that are tried; the paper's actual leader has 0.5
+MOMENTS_OF_MANNERS = 60  # that they are tried at
 FOREST_FOLDS = 3  # by which it is chosen how far the forest counts
 FEW_SAMPLES = 25  # futures by which a hazard is compared with the forest
 SPEED_MARGIN = 1.1  # the speed limit over the highest speed in training
@@ -103,13 +110,40 @@ class Base:
     seed: int
 
 
-def fit_base(training: Training, *, seed: int) -> Base:
-    """Returns the roll-out, and its forest, that the training vehicles teach."""
+def joined_training(parts: Sequence[Training]) -> Training:
+    """Returns training vehicles of several recordings as one; the rate of lane changes is that of the first."""
+    situations = [part.situation for part in parts]
+    start = np.cumsum([0, *(situation.first[-1] for situation in situations)])
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name, value in vars(parts[0]).items()
+        if isinstance(value, np.ndarray) and name != "vehicle"
+    }
+    return replace(
+        parts[0],
+        **arrays,
+        situation=joined_situations(situations),
+        vehicle=np.concatenate([part.vehicle + at for part, at in zip(parts, start, strict=False)]),
+        scenes=joined([part.scenes for part in parts]),
+    )
+
+
+def fit_base(training: Training, *, seed: int, start: Base | None = None) -> Base:
+    """Returns the roll-out, and its forest, that the training vehicles teach.
+
+    Args:
+        training: see there.
+        seed: of samples and trees.
+        start: whose drivers, or whose hazard and forest, are taken where too few vehicles follow, or merge; None for
+            those of a driver of the literature, and for nobody who merges.
+    """
     scenes, truth, leader_truth = training.scenes, training.in_lane, training.leader_truth
     ramp = np.flatnonzero(scenes.may_merge)
     main = np.flatnonzero(~scenes.may_merge) if len(ramp) < len(scenes) else ramp
     prior, of_ramp = _priors(training, main, ramp)
     own = scenes.own.select(main)
+    if start is not None and (scenes.own.depth > 0).sum() < LEAST_CASES:
+        return start
     model = RollOut(
         main=prior,
         ramp=of_ramp,
@@ -120,10 +154,13 @@ def fit_base(training: Training, *, seed: int) -> Base:
         limit=SPEED_MARGIN * float(scenes.own.v[scenes.own.valid].max()),
     )
     merging = np.flatnonzero(training.merging)
+    merges = len(set(training.group[merging][np.isfinite(training.change_time[merging])].tolist()))
+    if start is not None and merges < LEAST_EVENTS:
+        return Base(replace(model, hazard=start.roll_out.hazard), start.forest, seed)
     if not len(merging):
         return Base(model, None, seed)
     some = training.select(merging[:: -(-len(merging) // MOST_SCENES)])
-    model = _with_hazard(model, some, seed)
+    model = _with_manners(_with_hazard(model, some, seed), training, seed)
     return Base(model, _forest(model, some, seed), seed)
 
 
@@ -152,6 +189,36 @@ def _with_hazard(model: RollOut, training: Training, seed: int) -> RollOut:
         hazard = fit_merge_hazard(seen.seen, change_time, seen_for, may=seen.can, zone=zone)
         model = replace(model, hazard=hazard)
     return model
+
+
+def _with_manners(model: RollOut, training: Training, seed: int) -> RollOut:
+    """Returns the roll-out with the weights under which those who see somebody beside them go nearest to where they did.
+
+    These are vehicles on the ramp, until they merge, and vehicles of their target lane.
+    """
+    situation = training.situation
+    source = situation.source[situation.moment[training.vehicle], situation.lane[training.vehicle]] != NOBODY
+    moments = np.unique(situation.moment[training.vehicle[training.merging | source]])
+    chosen = moments[:: -(-len(moments) // MOMENTS_OF_MANNERS)]
+    rows = np.flatnonzero(np.isin(situation.moment[training.vehicle], chosen) & (training.merging | source))
+    some = training.select(rows)
+    truth, start = some.in_lane[:, WHOLE_SECONDS], some.situation.x[some.vehicle, -1]
+    beginning = begin(model, some.situation)
+    wanted = np.zeros(some.situation.first[-1], dtype=bool)
+    wanted[some.vehicle] = True
+    place = np.cumsum(wanted)[some.vehicle] - 1
+
+    def error(manners: Manners) -> float:
+        tried = replace(model, manners=manners)
+        driven = drive(tried, beginning, samples=FEW_SAMPLES, seed=seed, wanted=wanted)
+        left = np.median(driven.x[place][:, :, WHOLE_SECONDS], axis=1) - start[:, None] - truth
+        return float(np.nanmean(np.abs(left)))
+
+    tried = [
+        replace(model.manners, putative_leader=leader, courtesy=courtesy)
+        for leader, courtesy in product(PUTATIVE, COURTESIES if source.any() else COURTESIES[:1])
+    ]
+    return replace(model, manners=min(tried, key=error))
 
 
 def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:

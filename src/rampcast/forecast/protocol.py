@@ -74,8 +74,8 @@ class RecordingForecaster(Protocol):
     """A fitted forecaster of one site."""
 
     @property
-    def site(self) -> Site:
-        """Returns where it was trained."""
+    def site(self) -> Site | None:
+        """Returns where it was trained; None for one of any site."""
 
     @property
     def trained_on(self) -> tuple[str, ...]:

@@ -152,13 +152,14 @@ def _merges(
         room = lead_gap > 0.0 and lag_gap > 0.0
         if not room:
             ready[i] = 0.0
-        into = min(end[here] - x[i], LANE_GOES_ON)
+        # where the gore is not known, vehicles may merge from where the first of the training vehicles did
+        into = x[i] - begin[here] if begin[here] > -np.inf else hazard[-2] - min(end[here] - x[i], LANE_GOES_ON)
         lead_v, lag_v = v[ahead] if ahead != NOBODY else v[i], v[lag[i]] if lag[i] != NOBODY else v[i]
         merge_features(
-            out, v[i], lead_gap, lead_v, lag_gap, lag_v, ready[i], hazard[-2] - into,
+            out, v[i], lead_gap, lead_v, lag_gap, lag_v, ready[i], into,
             end[here] - x[i] - hazard[-1], offset[i], approach[i], STEP * k,
         )  # fmt: skip
-        can = room and into <= hazard[-2] and x[i] >= begin[here]
+        can = room and into >= 0.0
         if can_merge.shape[1] and not may[i]:
             seen[i, k], can_merge[i, k] = out, can
         ready[i] = min(ready[i] + STEP, LONGEST_READY)
@@ -319,8 +320,8 @@ def drive(
             for k in range(FUTURE):
                 _see(order, lane, target, source, last, leader, lead, lag)
                 _merges(
-                    k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag, threshold,
-                    rates, mays, end, begin, target, learned.hazard, out, chance, seen, can,
+                    k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag,
+                    threshold, rates, mays, end, begin, target, learned.hazard, out, chance, seen, can,
                 )  # fmt: skip
                 if learned.numbers[7] > 0.0:
                     _changes(k, x, v, lane, length, since, leader, change, learned.numbers[7], left, right)

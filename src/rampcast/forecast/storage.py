@@ -2,6 +2,7 @@
 
 from importlib import import_module
 from pathlib import Path
+from typing import Final
 
 from rampcast.arguments import expected
 from rampcast.errors import ModelError
@@ -9,6 +10,9 @@ from rampcast.forecast.protocol import RecordingForecaster
 from rampcast.forecasters import FOLDERS
 from rampcast.models.folder import kind_of, load_model, save_model
 from rampcast.models.plain_data import Tags
+
+PRETRAINED: Final = "pretrained"
+PRETRAINED_FOLDER: Final = Path(__file__).parent / PRETRAINED
 
 
 def save(forecaster: RecordingForecaster, folder: str | Path) -> None:
@@ -30,10 +34,13 @@ def save(forecaster: RecordingForecaster, folder: str | Path) -> None:
 def load(folder: str | Path) -> RecordingForecaster:
     """Returns the forecaster, of whatever kind, that `save` wrote to the folder.
 
+    Args:
+        folder: of the model; "pretrained" for the one that rampcast brings along, which forecasts any site.
+
     Raises:
         ModelError: the folder is missing, damaged, or of a form that this release does not read.
     """
-    folder = _path(folder)
+    folder = PRETRAINED_FOLDER if folder == PRETRAINED else _path(folder)
     kind = kind_of(folder)
     if kind not in FOLDERS:
         raise ModelError(f"{folder}: a folder of the kind '{kind}'; expected a forecaster: {', '.join(FOLDERS)}")

@@ -3,8 +3,9 @@
 A tag stays when its class is moved or renamed. A new class needs a line here; a test names those that lack one.
 """
 
-from rampcast.forecast.calibrated import Calibrated, CalibratedSpec
+from rampcast.forecast.calibrated import Calibrated, CalibratedSpec, RolledRows
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
+from rampcast.forecast.held_out import HeldOut
 from rampcast.forecast.learning import Base
 from rampcast.forecast.roll_out import Manners, RollOut
 from rampcast.models.correction import Correction, CorrectionSpec, KnotCorrection
@@ -27,6 +28,8 @@ TAGS: Tags = {
     "calibrated": Calibrated,
     "samples": CalibratedSpec,
     "base": Base,
+    "rolled": RolledRows,
+    "held_out": HeldOut,
     "roll_out": RollOut,
     "manners": Manners,
     "drivers": DriverPrior,

@@ -182,7 +182,7 @@ def _fit_knot(
     table, seen = rolled.table(knot), np.isfinite(truth)
     kept = np.isfinite(table[seen]).any(axis=0)  # trees cannot be fitted to a column of nothing
     table, spread = table[:, kept], _floored(rolled.spread[:, knot])
-    blend = _blend(rolled, truth, seen, knot) if seen.sum() >= spec.least_cases else np.zeros(rolled.chains.shape[2])
+    blend = _blend(rolled, truth, seen, knot) if seen.sum() >= LEAST_SCORES else np.zeros(rolled.chains.shape[2])
     beyond = truth - rolled.blended(knot, blend)
     if seen.sum() < spec.least_cases:
         return KnotCorrection(

@@ -29,7 +29,8 @@ def free(highest: float, desired: float, exponent: float, v: float) -> float:
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def law(
-    standing: float, headway: float, highest: float, softness: float, freely: float, v: float, leader_v: float, gap: float
+    standing: float, headway: float, highest: float, softness: float, freely: float, v: float, leader_v: float,
+    gap: float,
 ) -> float:  # fmt: skip
     """Returns the IDM's acceleration [m/s^2]; see `physics.idm.acceleration`.
 

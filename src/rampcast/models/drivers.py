@@ -1,9 +1,10 @@
 """Drivers: a prior over the IDM's parameters from closed-loop trajectories, and what a vehicle's history adds to it.
 
-The centre of the prior is the driver, and the habit of keeping the gap of now, that brings all training vehicles nearest to where they went, driven in closed
-loop behind their real leaders; the logarithms of the parameters scatter about it. A set of drivers drawn once from the
-prior stands for it, and the posterior of a vehicle weighs these by how well each reproduces its history, again in
-closed loop. Nothing is optimised when forecasting: 0.4 s of history, or one with holes, is as good an input as 4 s.
+The centre of the prior is the driver, and the habit of keeping the gap of now, that brings all training vehicles
+nearest to where they went, driven in closed loop behind their real leaders; the logarithms of the parameters scatter
+about it. A set of drivers drawn once from the prior stands for it, and the posterior of a vehicle weighs these by how
+well each reproduces its history, again in closed loop. Nothing is optimised when forecasting: 0.4 s of history, or one
+with holes, is as good an input as 4 s.
 
 How far drivers scatter, and how much a history counts, is what forecasts the training vehicles best from their
 histories alone. Fits of six parameters to 4 s without a prior overfit: docs/limits.md measures it.

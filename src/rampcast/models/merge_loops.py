@@ -42,8 +42,8 @@ def merge_features(
 ) -> None:
     """Fills out with the features of the hazard, each about of size 1.
 
-    How large the gaps ahead and behind are, how fast they open and close, how tight they will be, and for how long there
-    has been room; the speed, and how far the lane has gone and still goes; and, near t = 0, how near the line the
+    How large the gaps ahead and behind are, how fast they open and close, how tight they will be, and for how long
+    there has been room; the speed, and how far the lane has gone and still goes; and, near t = 0, how near the line the
     vehicle is, and whether it crosses it about now, or has by now, if it goes on so.
 
     Args:

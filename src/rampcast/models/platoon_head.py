@@ -1,10 +1,10 @@
 """The vehicle at the head of a platoon, of whose leader nothing is known: its speed drifts, or goes back to the mean.
 
-Its speed follows v' = (u - v) / relaxation + free A (1 - (v / v_d)^delta) + noise: it goes back to the mean speed u that
-the vehicles of its lane had over their histories, or on to the desired speed of the IDM. A driver who has nobody ahead
-does the latter in full; one whose leader is out of sight does not, so the share is learned like relaxation and noise,
-from the training vehicles' leaders (and from vehicles without one). A target with a learned constant was tried and is
-not here: it says what the traffic was in the minutes of the training, and is wrong in others (docs/limits.md).
+Its speed follows v' = (u - v) / relaxation + free A (1 - (v / v_d)^delta) + noise: it goes back to the mean speed u
+that the vehicles of its lane had over their histories, or on to the desired speed of the IDM. A driver who has nobody
+ahead does the latter in full; one whose leader is out of sight does not, so the share is learned like relaxation and
+noise, from the training vehicles' leaders (and from vehicles without one). A target with a learned constant was tried
+and is not here: it says what the traffic was in the minutes of the training, and is wrong in others (docs/limits.md).
 """
 
 from dataclasses import dataclass

@@ -181,7 +181,7 @@ def score(
         how={"command": command, "seed": seed, "training": {"seed": seed}, "every": every},
         seconds=time.perf_counter() - started,
     )
-    return result, _written(result.tables, run, forecaster.site, out)
+    return result, _written(result.tables, run, recording.site, out)
 
 
 def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: BadRows, tell: Progress) -> Recording:
