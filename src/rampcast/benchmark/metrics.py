@@ -6,7 +6,7 @@ from jaxtyping import Float
 from rampcast.benchmark.models import LEVELS
 
 LEVEL_WIDTHS = (0.15, 0.225, 0.25, 0.225, 0.15)  # share of the levels from 0 to 1 that lies nearest to each of LEVELS
-BINS = ("00_05", "05_25", "25_50", "50_75", "75_95", "95_100")  # between LEVELS [%]
+BINS: tuple[str, ...] = ("00_05", "05_25", "25_50", "50_75", "75_95", "95_100")  # between LEVELS [%]
 
 
 def crps_of_quantiles(

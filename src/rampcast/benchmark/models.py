@@ -24,7 +24,7 @@ from rampcast.paper.laws.mode import Mode
 from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.platoons import Platoons, known_lengths
 
-SECONDS = np.arange(STEPS_PER_SECOND - 1, FUTURE, STEPS_PER_SECOND)  # steps that are scored
+SECONDS: np.ndarray = np.arange(STEPS_PER_SECOND - 1, FUTURE, STEPS_PER_SECOND)  # steps that are scored
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 LONGEST_RELAXATION = 60.0  # [s]; the search for the time constant ends here
 LEAST_ERRORS = 20  # a 5 % quantile of fewer errors is not known

@@ -250,8 +250,8 @@ class _Unseen:
 
     model: Calibrated
     training: Training
-    train: Int[np.ndarray, "row"]
-    test: Int[np.ndarray, "row"]
+    train: Int[np.ndarray, "train"]
+    test: Int[np.ndarray, "test"]
     seed: int
     start: Base | None
 
