@@ -115,6 +115,9 @@ def test_a_vehicle_that_is_not_there_is_answered_with_those_that_are():
     forecast = driving(start=[1.0, 2.0], lane=[RAMP, RAMP], speed=[1.0, 1.0], merge=[None, None])
     with pytest.raises(RampcastError, match=r"this forecast has no vehicle 7; it has 2: 101, 102$"):
         forecast[7]
+    assert forecast.places(np.array([102, 101])).tolist() == [1, 0]
+    with pytest.raises(RampcastError, match="no vehicle 7"):
+        forecast.places([102, 7])
     with pytest.raises(RampcastError, match="it has 0: none"):
         nobody()[7]
 

@@ -74,11 +74,20 @@ class Forecast:
         Raises:
             RampcastError: it is not in the forecast.
         """
-        rows = np.flatnonzero(self.vehicle == vehicle)
-        if not len(rows):
+        return VehicleForecast(self, int(self.places([vehicle])[0]))
+
+    def places(self, vehicles: Sequence[object] | Shaped[np.ndarray, "asked"]) -> Int[np.ndarray, "asked"]:
+        """Returns the places of vehicles in `vehicle`.
+
+        Raises:
+            RampcastError: one is not in the forecast.
+        """
+        known = {one: place for place, one in enumerate(self.vehicle.tolist())}
+        missing = [one for one in vehicles if one not in known]
+        if missing:
             some = ", ".join(map(str, self.vehicle[:SHOWN])) + (", ..." if len(self) > SHOWN else "")
-            raise RampcastError(f"this forecast has no vehicle {vehicle!r}; it has {len(self)}: {some or 'none'}")
-        return VehicleForecast(self, int(rows[0]))
+            raise RampcastError(f"this forecast has no vehicle {missing[0]!s}; it has {len(self)}: {some or 'none'}")
+        return np.array([known[one] for one in vehicles], dtype=np.int64)
 
     @cached_property
     def on_ramp(self) -> Bool[np.ndarray, "vehicle"]:

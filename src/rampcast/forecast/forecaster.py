@@ -212,7 +212,7 @@ def _of_rows(recording: Recording, rows: Int[np.ndarray, "scene"], predict: Call
         times = np.array([part[c.FRAME][0] for part in by_frame]) * recording.time_step
         for traffic, part in zip(traffic_at_times(recording.raw, str(window), times), by_frame, strict=True):
             found = predict(traffic)
-            place = np.searchsorted(found.vehicle, part[c.VEHICLE].to_numpy())
+            place = found.places(part[c.VEHICLE].to_list())
             parts.append(found.reduced(place, recording=str(window)))
             order.append(part["scene"].to_numpy())
     return joined(parts).select(np.argsort(np.concatenate(order), kind="stable"))

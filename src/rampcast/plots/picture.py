@@ -79,8 +79,7 @@ def _traffic(
     forecast: Forecast, asked: Hashable | Sequence[Hashable] | None, window: str | None, truth: Recording | None
 ) -> Figure:
     vehicles = () if asked is None else asked if isinstance(asked, list | tuple) else (asked,)
-    for vehicle in vehicles:
-        forecast[vehicle]  # one that is not there is told with those that are
+    forecast.places(vehicles)  # one that is not there is told with those that are
     table, site = forecast.to_polars(), forecast.site
     if truth is not None:
         seen = _seen(truth.window(window or truth.names[0]), forecast.t0)
