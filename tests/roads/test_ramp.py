@@ -105,6 +105,13 @@ def test_a_ramp_lane_that_vehicles_drive_to_the_end_of_the_section_goes_on():
     assert site.notes[2].text.startswith("ramp_end is left out: the lane goes on, as 1 of the 21 vehicles of the ramp")
 
 
+def test_a_lane_goes_on_if_it_is_driven_as_far_as_the_lane_beside_it_is_seen():
+    """The section is said to be 500 m long; all lanes are seen for 400."""
+    site = with_ramp(replace(SITE, length=500.0), recording(ramp_to=395.0), RampValues((3,)))
+    assert site.ramp_goes_on
+    assert not with_ramp(replace(SITE, length=500.0), recording(ramp_to=370.0), RampValues((3,))).ramp_goes_on
+
+
 def test_a_lane_that_goes_on_and_that_nobody_leaves_has_no_merge_zone():
     site = with_ramp(SITE, recording(merges=(), ramp_to=400.0), RampValues((3,)))
     assert np.isinf(site.ramp_end)

@@ -231,8 +231,8 @@ def _target(site: Site, changes: pl.DataFrame) -> tuple[int, str]:
 class _Beside:
     """How the ramp and the target lane run beside each other: their y [m] in cells around x [m], where both are driven.
 
-    `first` and `last` are the ends of what is driven on the ramp [m]; `through` of its `vehicles` drive on it to the
-    end of the section.
+    `first` and `last` are the ends of what is driven on the ramp [m]; `through` of its `vehicles` drive on it to where
+    the target lane is seen last.
     """
 
     x: Float[np.ndarray, "cell"]
@@ -260,7 +260,8 @@ def _beside(site: Site, recording: Recording, target: int) -> _Beside:
     x = (cells["cell"].to_numpy() + 0.5) * CELL
     on_ramp = recording.tracks.filter(pl.col(c.LANE).is_in(site.ramp_lanes))
     reached = on_ramp.group_by(c.RECORDING, c.VEHICLE).agg(pl.col(c.X).max())[c.X].to_numpy()
-    through = int(np.count_nonzero(reached >= site.length - CELL))
+    ends = float(rows.filter(is_target).select(pl.col(c.X).max().fill_null(site.length)).item())  # where sight ends
+    through = int(np.count_nonzero(reached >= ends - CELL))
     return _Beside(x, cells["ramp"].to_numpy(), cells["target"].to_numpy(), first, last, through, len(reached))
 
 
