@@ -152,13 +152,13 @@ class Calibrated:
         return moves
 
     def _project(self, beginning: Beginning, shift: Float[np.ndarray, "vehicle sample knot"], driven: Driven) -> None:
-        from rampcast.forecast.projection import OVER_TIME, project
+        from rampcast.forecast.projection import NEAR, OVER_TIME, project
 
         fastest = np.maximum(self.base.roll_out.limit, beginning.start.v)
         start = beginning.start
 
         def work(task: tuple[int, int, int, int]) -> None:
-            project(start, fastest, shift, OVER_TIME, task[:2], task[2:], driven.x, driven.lane)
+            project(start, fastest, shift, OVER_TIME, NEAR, task[:2], task[2:], driven.x, driven.lane)
 
         sharing(work, len(start.first) - 1, driven.x.shape[1])
 

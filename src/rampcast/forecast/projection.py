@@ -32,6 +32,8 @@ def _over_time() -> Float[np.ndarray, "step knot"]:
 
 
 OVER_TIME = _over_time()
+NEAR = np.argmax(OVER_TIME > 0.0, axis=1)  # first of the knots that count at each step
+TOGETHER = int((OVER_TIME > 0.0).sum(axis=1).max())  # knots that count at a step: the others' weights are 0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -108,7 +110,7 @@ def _change(i: int, to: int, x: Any, lane: Any, length: Any, beside: Any) -> Non
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def project(
-    start: Any, fastest: Any, shift: Any, over_time: Any, moments: Any, samples: Any, x: Any, lanes: Any
+    start: Any, fastest: Any, shift: Any, over_time: Any, near: Any, moments: Any, samples: Any, x: Any, lanes: Any
 ) -> None:
     """Moves the samples of the vehicles of some moments, in place.
 
@@ -116,7 +118,7 @@ def project(
         start: see `roll_out_kernel.Start`.
         fastest: speed that each vehicle does not exceed [m/s].
         shift: moves at the knots, by vehicle, sample and knot [m].
-        over_time: see `OVER_TIME`.
+        over_time, near: see `OVER_TIME` and `NEAR`.
         moments, samples: first and stop of each.
         x, lanes: fronts [m] and lanes of the roll-outs, by vehicle, sample and step.
     """
@@ -139,7 +141,7 @@ def project(
                 for j in range(n - 1, -1, -1):
                     i = order[j]
                     wanted = x[first + i, s, k] * 1.0
-                    for knot in range(over_time.shape[1]):
+                    for knot in range(near[k], min(near[k] + TOGETHER, over_time.shape[1])):
                         wanted += over_time[k, knot] * shift[first + i, s, knot]
                     slow, fast = speed[i] - HARDEST * STEP, min(speed[i] + STRONGEST * STEP, fastest[first + i])
                     wanted = min(max(wanted, place[i] + max(slow, 0.0) * STEP), place[i] + fast * STEP)

@@ -154,15 +154,17 @@ def _merges(
             ready[i] = 0.0
         # where the gore is not known, vehicles may merge from where the first of the training vehicles did
         into = x[i] - begin[here] if begin[here] > -np.inf else hazard[-2] - min(end[here] - x[i], LANE_GOES_ON)
+        can, watched = room and into >= 0.0, can_merge.shape[1] > 0 and not may[i]
+        waited, ready[i] = ready[i], min(ready[i] + STEP, LONGEST_READY)
+        if not (can or watched):
+            continue
         lead_v, lag_v = v[ahead] if ahead != NOBODY else v[i], v[lag[i]] if lag[i] != NOBODY else v[i]
         merge_features(
-            out, v[i], lead_gap, lead_v, lag_gap, lag_v, ready[i], into,
+            out, v[i], lead_gap, lead_v, lag_gap, lag_v, waited, into,
             end[here] - x[i] - hazard[-1], offset[i], approach[i], STEP * k,
         )  # fmt: skip
-        can = room and into >= 0.0
-        if can_merge.shape[1] and not may[i]:
+        if watched:
             seen[i, k], can_merge[i, k] = out, can
-        ready[i] = min(ready[i] + STEP, LONGEST_READY)
         if not can:
             continue
         logit = hazard[-3]
@@ -181,13 +183,11 @@ def _merges(
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def _changes(
-    k: int, x: Any, v: Any, lane: Any, length: Any, since: Any, leader: Any, change: Any, rate: float, left: Any,
-    right: Any,
+    k: int, x: Any, v: Any, lane: Any, length: Any, since: Any, leader: Any, change: Any, left: Any, right: Any
 ) -> None:  # fmt: skip
-    """Moves those to the main lane beside theirs who want to by now, and find room."""
+    """Moves those to the main lane beside theirs who want to by now, and find room; `change` is the step they want to."""
     for i in range(len(x)):
-        wanted = change[i] / rate / STEP  # step from which it wants to
-        if not wanted <= k < wanted + WANTING:
+        if not change[i] <= k < change[i] + WANTING:
             continue
         side, other = (left, right) if int(1e4 * change[i]) % 2 else (right, left)
         to = side[lane[i]] if side[lane[i]] != NOBODY else other[lane[i]]
@@ -221,19 +221,19 @@ def _forward(
         standing, headway, highest, braking, softness = own[i, 0], own[i, 1], own[i, 2], own[i, 3], own[i, 6]
         freely = free(highest, own[i, 4], own[i, 5], speed)
         extra[i] = numbers[0] * extra[i] + numbers[1] * noise[i, k]
-        if ahead == NOBODY:
+        if ahead < 0:
             a = (around[i] - speed) * numbers[2] + numbers[4] * freely + noise[i, k] * numbers[3] / STEP
         else:
             gap = x[ahead] - length[ahead] - x[i]
             a = clip(law(standing, headway, highest, softness, freely, speed, v[ahead], gap), -braking, highest)
         merging = target[here] != NOBODY
-        if beside != NOBODY and since[i] >= RELAXED and lane[beside] != here:
+        if beside >= 0 and since[i] >= RELAXED and lane[beside] != here:
             who = i if merging else beside  # the one that has yet to merge
             if x[who] >= begin[lane[who]]:
                 gap_beside = x[beside] - length[beside] - x[i]
                 b = law(standing, headway, highest, softness, freely, speed, v[beside], gap_beside)
                 a -= (numbers[5] if merging else numbers[6]) * max(a - max(b, -braking), 0.0)
-        if ahead != NOBODY:
+        if ahead >= 0:
             a = clip(a + extra[i], -2.0 * braking, 2.0 * highest)
             if since[i] < RELAXED:
                 closing = max(speed - v[ahead], 0.0)
@@ -243,7 +243,7 @@ def _forward(
             if needed > STOPPING:
                 a = min(a, -needed)
         place = min(x[i] + clip(speed + a * STEP, 0.0, fastest[i]) * STEP, end[here])
-        if ahead != NOBODY:
+        if ahead >= 0:
             place = min(place, stopping(x[i], moved[ahead] - length[ahead], (moved[ahead] - x[ahead]) / STEP))
         moved[i] = max(place, x[i])
         since[i] += 1
@@ -283,7 +283,7 @@ def drive(
         out_chance: of a merge, by vehicle and step, summed over the samples; filled.
         out_seen, out_can: features of the hazard, and whether it could merge; filled where they have room.
     """
-    watched = out_can.shape[2]
+    watched, changing = out_can.shape[2], learned.numbers[7]
     for m in range(moments[0], moments[1]):
         first, stop = start.first[m], start.first[m + 1]
         n = stop - first
@@ -307,7 +307,7 @@ def drive(
             gathered, since = np.zeros(n), np.full(n, RELAXED)
             for i in range(n):
                 draw, who = start.draw[first + i], driver[first + i, s]
-                threshold[i], change[i] = draws.threshold[draw, s], draws.change[draw, s]
+                threshold[i], change[i] = draws.threshold[draw, s], draws.change[draw, s] / max(changing, 1e-9) / STEP
                 fastest[i] = max(learned.numbers[8], v[i])
                 for p in range(6):
                     own[i, p] = learned.drivers[who, p]
@@ -323,8 +323,8 @@ def drive(
                     k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag,
                     threshold, rates, mays, end, begin, target, learned.hazard, out, chance, seen, can,
                 )  # fmt: skip
-                if learned.numbers[7] > 0.0:
-                    _changes(k, x, v, lane, length, since, leader, change, learned.numbers[7], left, right)
+                if changing > 0.0:
+                    _changes(k, x, v, lane, length, since, leader, change, left, right)
                 _forward(
                     k, order, x, v, extra, lane, since, leader, lead, length, own, around, fastest, noise,
                     learned.numbers, end, begin, target, moved,
