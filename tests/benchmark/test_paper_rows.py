@@ -125,9 +125,11 @@ def test_neighbours_are_predicted_once_for_all_rows(cases, asked):
 
 def test_training_windows_are_as_many_as_one_of_a_few_counts(monkeypatch):
     monkeypatch.setattr(paper_rows, "WINDOWS", (10, 40))
+    monkeypatch.setattr(paper_rows, "EACH", 4)
     tracks = np.cumsum(np.ones((3, 25)), axis=1)
     tracks[1, 3:] = np.nan
     assert paper_rows._windows(tracks[:1]).shape == (10, 21)  # 5 windows, twice each
     assert paper_rows._windows(tracks).shape == (10, 21)
+    assert paper_rows._windows(np.tile(tracks[:1], (2, 1))).shape == (10, 21)  # 8 are wanted
     assert paper_rows._windows(np.tile(tracks, (30, 1))).shape == (40, 21)  # of 300
     assert paper_rows._windows(tracks[1:2]).shape == (0, 21)

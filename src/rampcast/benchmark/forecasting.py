@@ -16,7 +16,7 @@ from rampcast.traffic.around import joined
 
 FOLDS = 2  # of the forecasts by which the thresholds of models are chosen that know their training cases by heart
 MOST_FOR_THRESHOLDS = 1500  # training cases; a threshold needs no more
-MOST_FOR_BANDS = 1500  # likewise; a 5 % quantile is that of 75 errors then
+MOST_FOR_BANDS = 400  # likewise; a 5 % quantile is that of 20 errors then
 
 One = TypeVar("One")
 Part = tuple[Training, Cases]  # the test cases are forecast by models that were trained on the training cases

@@ -46,6 +46,7 @@ OWN_LEADER = SLOTS.index(5)
 SAME_VEHICLE = 0.5  # [m]; a gap that changes by this much more in 0.1 s than its relative speed is another vehicle's
 IDS = 100_000  # more than the vehicles around one merge
 LANE_ENDS = load_site("us101").ramp_end  # [m] x of the end of the lane, as in the excerpts
+SIMULATED_SPACING = 5.0  # [s] between anchors: there are thousands, and half as many say as much
 MERGE_SPACING = 5  # frames at 10 Hz: anchors every 0.5 s
 # [m] of a German motorway (FGSV, RAA 2008, cross-section RQ 31); the file has lanes as real numbers
 RQ31_LANE_WIDTH = 3.75
@@ -211,7 +212,7 @@ def _hee_merges(tracks: Tracks, lane: Float[np.ndarray, "row"], rows: Int[np.nda
 
 def _simulated_window(recording: Recording, number: int) -> Cases:
     tracks = tracks_of_recording(recording)
-    rows = regular_anchors(tracks, least_truth=LEAST_TRUTH)
+    rows = regular_anchors(tracks, spacing=SIMULATED_SPACING, least_truth=LEAST_TRUTH)
     site = recording.site
     on_ramp = np.isin(recording.tracks["lane"].to_numpy(), site.ramp_lanes)
     rows = rows[on_ramp[rows]]

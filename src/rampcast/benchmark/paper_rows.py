@@ -28,7 +28,8 @@ from rampcast.traffic.merge_scenes import BEHIND, MergeScenes
 from rampcast.traffic.platoons import HISTORY, Platoons, known_lengths
 
 SPEED_LIMIT = 29.06  # [m/s] 65 mph, the limit of both NGSIM sites, where most cases come from
-WINDOWS = (1_000, 4_000, 20_000)  # that an LSTM is trained on: the least of these that holds all, or so many of them
+WINDOWS = (1_000, 5_000, 10_000, 20_000)  # that an LSTM is trained on; see docs/decisions/benchmark_lstm.md
+EACH = 10  # windows of a track: the tracks of one vehicle overlap
 LSTM = LstmSpec(epochs=4, batch=64, learning_rate=3e-3, decay=0.4)
 FAR = 1e4  # [m] to the end of a lane that does not end
 FOLLOWER_1 = BEHIND - 1
@@ -175,15 +176,18 @@ def fit_paper_rows(cases: Cases) -> dict[Mode, PaperRows]:
 
 
 def _windows(tracks: Float[np.ndarray, "track step"]) -> Float[np.ndarray, "sample window"]:
-    """Returns x [m] of runs of 21 steps, as many as one of `WINDOWS`, each as often as the others but for a rest.
+    """Returns x [m] of runs of 21 steps, none twice before all were taken once; none if there are none.
 
-    Few counts, so that few programs are compiled. None if there are none.
+    There are `EACH` of each track, in all one of the counts in `WINDOWS`, which are few, so that few programs are
+    compiled.
     """
-    windows = np.lib.stride_tricks.sliding_window_view(tracks, WINDOW, axis=1).reshape(-1, WINDOW)
-    windows = windows[np.isfinite(windows).all(axis=1)]
+    of_track = np.lib.stride_tricks.sliding_window_view(tracks, WINDOW, axis=1)
+    whole = np.isfinite(of_track).all(axis=2)
+    windows = of_track[whole]
     if not len(windows):
         return windows
-    count = next((count for count in WINDOWS if count >= len(windows)), WINDOWS[-1])
+    wanted = int(np.minimum(whole.sum(axis=1), EACH).sum())
+    count = next((count for count in WINDOWS if count >= wanted), WINDOWS[-1])
     return windows[np.resize(np.random.default_rng(1).permutation(len(windows)), count)]
 
 
