@@ -8,10 +8,10 @@ view x 200 samples within 100 ms.
 import math
 
 import numpy as np
-
-from measure import how_many, once, print_ratio, seconds
 from rampcast.forecast.merge_roll_out import MergeRollOut, sample_merges
 from rampcast.forecast.platoon_roll_out import RollOut
+
+from measure import how_many, once, print_ratio, seconds
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior

@@ -5,9 +5,9 @@ Reach on two cores: posteriors of 5,000 vehicles a second; 1,000 platoons x 100 
 """
 
 import numpy as np
+from rampcast.forecast.platoon_roll_out import RollOut, sample_platoons
 
 from measure import how_many, once, print_ratio, seconds
-from rampcast.forecast.platoon_roll_out import RollOut, sample_platoons
 from rampcast.horizon import STEP
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior, posterior

@@ -34,7 +34,8 @@ def test_the_pretrained_model_takes_at_most_three_megabytes_and_forecasts_any_si
     assert pretrained.site is None
     traffic = rc.traffic(random_traffic(2, vehicles=60, name="i80-2"), at=30.0)
     found = pretrained.predict(traffic)
-    assert len(found) > 10 and np.isfinite(found.samples).all()
+    assert len(found) > 10
+    assert np.isfinite(found.samples).all()
 
 
 def test_a_training_that_was_interrupted_goes_on_with_the_stages_that_it_kept(recording, tmp_path, monkeypatch):
@@ -70,8 +71,10 @@ def test_a_training_that_was_interrupted_goes_on_with_the_stages_that_it_kept(re
 def test_what_a_training_is_worth_is_scored_on_minutes_that_it_has_not_seen(recording, pretrained):
     found = fit(recording, spec=SPEC, start=pretrained)
     assert found.site == recording.site
-    assert found.score is not None and found.score.vehicles > 20
-    assert np.isfinite(found.score.trained).any() and np.isfinite(found.score.start).any()
+    assert found.score is not None
+    assert found.score.vehicles > 20
+    assert np.isfinite(found.score.trained).any()
+    assert np.isfinite(found.score.start).any()
 
 
 def test_a_recording_without_a_merge_is_too_little_to_learn_from():
