@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -115,22 +116,26 @@ def run_benchmark(
     Raises:
         RecordingError: no data set has its files in both folders.
     """
-    tell = progress or tell_nobody
     folders = Folders(train, test, simulated, data_sets)
     left_out = {name: reason for name in data_sets if (reason := folders.missing(name))}
     asked = [name for name in data_sets if name not in left_out]
-    done: list[str] = []
-    tell("data sets", 0, len(asked))
+    one_more = _counting(progress or tell_nobody, len(asked))
 
     def score(name: str) -> tuple[dict[str, pl.DataFrame], dict[str, Any]]:
         found = _scored(name, folders, models, merge_models)
-        done.append(name)
-        tell("data sets", len(done), len(asked))
+        one_more()
         return found
 
     scored = in_threads(score, asked)
     record = {name: about for name, (_, about) in zip(asked, scored, strict=True)}
     return _put_together([tables for tables, _ in scored], record, left_out)
+
+
+def _counting(progress: Progress, total: int) -> Callable[[], None]:
+    """Tells that no data set is done yet, and returns what tells that one more is."""
+    done = count(1)
+    progress("data sets", 0, total)
+    return lambda: progress("data sets", next(done), total)
 
 
 def _put_together(

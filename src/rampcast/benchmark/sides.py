@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from threading import RLock
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,8 @@ class Folders:
     data_sets: Mapping[str, DataSet]
     _sides: dict[str, Sides] = field(default_factory=dict)
     _paper: dict[str, dict[Mode, PaperRows]] = field(default_factory=dict)
-    _lock: RLock = field(default_factory=RLock)
+    _reading: Lock = field(default_factory=Lock)
+    _fitting: Lock = field(default_factory=Lock)
 
     def missing(self, name: str) -> str:
         """Returns why a data set is left out; nothing if it has its files in both folders."""
@@ -46,7 +47,7 @@ class Folders:
 
     def sides(self, name: str) -> Sides:
         """Returns the cases of each part, those of the companion among the training ones, and how they were split."""
-        with self._lock:
+        with self._reading:
             if name not in self._sides:
                 self._sides[name] = self._read(name)
             return self._sides[name]
@@ -65,7 +66,7 @@ class Folders:
 
     def paper(self, name: str) -> dict[Mode, PaperRows]:
         """Returns the paper's framework trained on the training cases of a data set that is not split into parts."""
-        with self._lock:
+        with self._fitting:
             if name not in self._paper:
                 ((train, _),) = self.sides(name)[0]
                 self._paper[name] = fit_paper_rows(train.select(train.longitudinal))
