@@ -169,7 +169,7 @@ def test_most_rows_off_the_road_are_warned_of(capsys):
     [
         (("inspect", "nowhere.txt"), "there is no such file"),
         (("forecast", "nowhere.txt", "--model", "nowhere", "--out", "x"), "no model folder"),
-        (("forecast", "nowhere.txt", "--out", "x"), "no model was given: train one"),
+        (("forecast", "nowhere.txt", "--out", "x"), "nowhere.txt: there is no such file"),
         (("train", "x.parquet", "--out", "x", "--epochs", "3"), "--epochs: only for the paper's LSTMs"),
         (("benchmark", "--train", "nowhere"), "nowhere: there is no such folder"),
         (("reproduce", "--data", "nowhere", "--out", "x"), "there is no such folder"),

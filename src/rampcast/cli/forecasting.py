@@ -120,7 +120,7 @@ def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: s
 
 
 @app.command(
-    epilog="Examples:\n\nrampcast forecast window2.parquet --model model --out forecasts\n\n"
+    epilog="Examples:\n\nrampcast forecast window2.parquet --out forecasts\n\n"
     "rampcast forecast window2.parquet window3.parquet --model model --every 0.1 --out forecasts --csv"
 )
 def forecast(

@@ -50,7 +50,10 @@ SkipBadRows = Annotated[bool, typer.Option("--skip-bad-rows", help="Count and li
 OutFolder = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
 OutFile = Annotated[Path, typer.Option("--out", callback=writable_file, help="File to write.")]
 ModelFolder = Annotated[Path, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
-AnyModel = Annotated[Path | None, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
+AnyModel = Annotated[
+    Path | None,
+    typer.Option("--model", help="Model folder made by [bold]rampcast train[/]. Default: the pretrained model."),
+]
 RecordingFile = Annotated[
     Path, typer.Option("--recording", help="Recording to score it on, in any form rampcast reads.")
 ]

@@ -40,7 +40,7 @@ def load(folder: str | Path) -> RecordingForecaster:
     Raises:
         ModelError: the folder is missing, damaged, or of a form that this release does not read.
     """
-    folder = PRETRAINED_FOLDER if folder == PRETRAINED else _path(folder)
+    folder = PRETRAINED_FOLDER if str(folder) == PRETRAINED else _path(folder)
     kind = kind_of(folder)
     if kind not in FOLDERS:
         raise ModelError(f"{folder}: a folder of the kind '{kind}'; expected a forecaster: {', '.join(FOLDERS)}")
