@@ -101,7 +101,8 @@ class Plain:
             lead_gap, lag_gap = self.gap(one, ahead), self.gap(behind, one)
             room = lead_gap > 0.0 and lag_gap > 0.0
             one.ready = one.ready if room else 0.0
-            left = self.end[one.lane] - one.x
+            left, begin = self.end[one.lane] - one.x, self.begin[one.lane]
+            into = one.x - begin if math.isfinite(begin) else hazard[-2] - min(left, LANE_GOES_ON)
             seen = np.zeros(len(hazard) - 3)
             merge_features(
                 seen,
@@ -111,14 +112,14 @@ class Plain:
                 lag_gap,
                 behind.v if behind else one.v,
                 one.ready,
-                hazard[-2] - min(left, LANE_GOES_ON),
+                into,
                 left - hazard[-1],
                 float(self.start.offset[one.row]),
                 float(self.start.approach[one.row]),
                 STEP * k,
             )
             one.ready = min(one.ready + STEP, LONGEST_READY)
-            if not room or min(left, LANE_GOES_ON) > hazard[-2] or one.x < self.begin[one.lane]:
+            if not room or into < 0.0:
                 continue
             logit = float(hazard[-3] + hazard[:-3] @ seen)
             one.gathered += math.log1p(math.exp(min(logit, 30.0))) * self.rate[one.row, k]
@@ -135,12 +136,11 @@ class Plain:
         """Vehicles of main lanes change for other reasons, at a rate, where they find room."""
         rate = self.learned.numbers[7]
         for one in self.vehicles if rate > 0.0 else ():
-            drawn = self.change[one.row]
-            since = k - drawn / rate / STEP
+            wanted = self.change[one.row] / rate / STEP  # step from which it wants to
             sides = (self.left[one.lane], self.right[one.lane])
-            sides = sides if int(1e4 * drawn) % 2 else sides[::-1]
+            sides = sides if int(1e4 * wanted) % 2 else sides[::-1]
             to = sides[0] if sides[0] != NOBODY else sides[1]
-            if not 0.0 <= since < kernel.WANTING or to == NOBODY or one.since <= kernel.WANTING:
+            if not wanted <= k < wanted + kernel.WANTING or to == NOBODY or one.since <= kernel.WANTING:
                 continue
             ahead, behind = self.ahead_in(to, one), self.behind_in(to, one)
             closing = max(one.v - ahead.v, 0.0) if ahead else 0.0

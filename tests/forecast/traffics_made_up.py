@@ -24,7 +24,7 @@ CENTRE = np.array([2.0, 1.2, 1.0, 2.0, 25.0, 4.0])
 def model(*, hazard: float = -3.0, manners: Manners | None = None, seed: int = 0) -> RollOut:
     """Returns a roll-out of made-up drivers; those of the ramp are in more of a hurry."""
     rng = np.random.default_rng(seed)
-    weights = np.where(np.arange(FEATURES) < 13, rng.normal(0.0, 0.1, FEATURES), 0.0)
+    weights = rng.normal(0.0, 0.1, FEATURES)
     main, ramp = (_prior(rng, CENTRE * scale) for scale in (1.0, np.array([0.9, 0.8, 1.2, 1.2, 1.0, 1.0])))
     return RollOut(
         main=main,

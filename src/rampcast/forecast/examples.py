@@ -14,9 +14,10 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.traffic.anchors import need_ramp
 from rampcast.traffic.around import joined, merge_scenes_at
+from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.moments import Traffic, traffic_at_times
 from rampcast.traffic.outcomes import outcomes
-from rampcast.traffic.situation import forecastable, joined_situations, situation_of_traffic
+from rampcast.traffic.situation import Situation, forecastable, joined_situations, situation_of_traffic
 
 MOST_IN_LANE = 10_000  # vehicles of main lanes, and as many of the ramp, at different moments: more say the same
 Tell = Callable[[int, int], None]  # moments done, moments in all
@@ -38,26 +39,10 @@ def training_of(recording: Recording, *, spacing: float, tell: Tell) -> Training
     need_ramp(recording)
     if recording.raw is None:
         raise RecordingError(NEEDS_RAW)
-    parts, anchors, starts = [], [], []
-    for traffic, rows in _moments(recording, spacing, tell):
-        vehicles, anchor = _seen_later(traffic, rows)
-        if len(vehicles):
-            parts.append(
-                (situation_of_traffic(traffic), vehicles, merge_scenes_at(traffic, forecastable(traffic)[vehicles]))
-            )
-            anchors.append(anchor)
-            starts.append(parts[-1][2].own.x[:, 0, -1])
-    if not parts:
-        raise RecordingError(
-            f"no vehicle of {', '.join(recording.names)} is seen for {PAST * STEP:g} s: nothing to learn from"
-        )
-    situation = joined_situations([part[0] for part in parts])
-    vehicle = np.concatenate([part[1] + at for part, at in zip(parts, situation.first, strict=False)])
-    scenes, anchor = joined([part[2] for part in parts]), np.concatenate(anchors)
+    situation, vehicle, scenes, anchor = _known(recording, spacing, tell)
     became = outcomes(recording, anchor)
-    off = (recording.tracks[c.X].to_numpy()[anchor] - np.concatenate(starts))[
-        :, None
-    ]  # the truth counts from the start
+    # the truth counts from where the vehicle is by its past alone
+    off = (recording.tracks[c.X].to_numpy()[anchor] - scenes.own.x[:, 0, -1])[:, None]
     training = Training(
         situation=situation,
         vehicle=vehicle,
@@ -71,6 +56,26 @@ def training_of(recording: Recording, *, spacing: float, tell: Tell) -> Training
         change_rate=change_rate(recording),
     )
     return training.select(_chosen(scenes.may_merge))
+
+
+def _known(
+    recording: Recording, spacing: float, tell: Tell
+) -> tuple[Situation, Int[np.ndarray, "row"], MergeScenes, Int[np.ndarray, "row"]]:
+    """Returns what is known of the vehicles at each moment: all traffic, their places in it, scenes; and their rows."""
+    parts, anchors = [], []
+    for traffic, rows in _moments(recording, spacing, tell):
+        vehicles, anchor = _seen_later(traffic, rows)
+        if len(vehicles):
+            scenes = merge_scenes_at(traffic, forecastable(traffic)[vehicles])
+            parts.append((situation_of_traffic(traffic), vehicles, scenes))
+            anchors.append(anchor)
+    if not parts:
+        raise RecordingError(
+            f"no vehicle of {', '.join(recording.names)} is seen for {PAST * STEP:g} s: nothing to learn from"
+        )
+    situation = joined_situations([part[0] for part in parts])
+    vehicle = np.concatenate([part[1] + at for part, at in zip(parts, situation.first, strict=False)])
+    return situation, vehicle, joined([part[2] for part in parts]), np.concatenate(anchors)
 
 
 def change_rate(recording: Recording) -> float:

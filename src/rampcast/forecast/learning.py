@@ -192,7 +192,7 @@ def _with_hazard(model: RollOut, training: Training, seed: int) -> RollOut:
 
 
 def _with_manners(model: RollOut, training: Training, seed: int) -> RollOut:
-    """Returns the roll-out with the weights under which those who see somebody beside them go nearest to where they did.
+    """Returns the roll-out with the weights by which those who see somebody beside them go nearest to where they did.
 
     These are vehicles on the ramp, until they merge, and vehicles of their target lane.
     """

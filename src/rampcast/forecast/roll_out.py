@@ -232,7 +232,7 @@ def _filled(
     model: RollOut,
     start: "Start",
     draws: "Draws",
-    drivers: Float[np.ndarray, "driver param"],
+    drivers: Float[np.ndarray, "driver param_and_habit"],
     driver: Int[np.ndarray, "vehicle sample"],
     *,
     rate: Float[np.ndarray, "vehicle step"],
@@ -246,14 +246,13 @@ def _filled(
 
     samples, moments = driver.shape[1], len(start.first) - 1
     row = np.where(wanted, np.cumsum(wanted) - 1, -1)
-    count = int(wanted.sum())
-    features = len(model.hazard.weights)
+    count, features = int(wanted.sum()), len(model.hazard.weights)
     found = Driven(
-        np.empty((count, samples, FUTURE), np.float32),
-        np.empty((count, samples, FUTURE), np.int16),
-        np.zeros((count, FUTURE)),
-        np.empty((count, samples, watched, features)),
-        np.zeros((count, samples, watched), dtype=bool),
+        x=np.empty((count, samples, FUTURE), np.float32),
+        lane=np.empty((count, samples, FUTURE), np.int16),
+        chance=np.zeros((count, FUTURE)),
+        seen=np.empty((count, samples, watched, features)),
+        can=np.zeros((count, samples, watched), dtype=bool),
     )
     hazard = np.array([*model.hazard.weights, model.hazard.constant, model.hazard.first, model.hazard.last])
     learned = Law(drivers, _numbers(model), hazard)

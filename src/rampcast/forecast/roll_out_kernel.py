@@ -133,6 +133,16 @@ def _room(i: int, x: Any, length: Any, lead: int, lag: int) -> Any:
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
+def _integrated(hazard: Any, seen: Any) -> float:
+    """Returns the hazard of a step, integrated: minus the logarithm of the probability not to merge in it."""
+    logit = hazard[-3]
+    for f in range(len(seen)):
+        logit += hazard[f] * seen[f]
+    return np.log1p(np.exp(min(logit, 30.0)))
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@no_type_check
 def _merges(
     k: int, order: Any, x: Any, v: Any, lane: Any, length: Any, offset: Any, approach: Any, ready: Any, gathered: Any,
     since: Any, leader: Any, lead: Any, lag: Any, threshold: Any, rate: Any, may: Any, end: Any, begin: Any,
@@ -167,10 +177,7 @@ def _merges(
             seen[i, k], can_merge[i, k] = out, can
         if not can:
             continue
-        logit = hazard[-3]
-        for f in range(len(out)):
-            logit += hazard[f] * out[f]
-        adds = np.log1p(np.exp(min(logit, 30.0))) * rate[i, k]
+        adds = _integrated(hazard, out) * rate[i, k]
         gathered[i] += adds
         chance[i, k] -= np.expm1(-adds)
         if may[i] and gathered[i] >= threshold[i]:
@@ -185,7 +192,7 @@ def _merges(
 def _changes(
     k: int, x: Any, v: Any, lane: Any, length: Any, since: Any, leader: Any, change: Any, left: Any, right: Any
 ) -> None:  # fmt: skip
-    """Moves those to the main lane beside theirs who want to by now, and find room; `change` is the step they want to."""
+    """Moves those to the main lane beside theirs who want to by now (`change` is the step), and find room."""
     for i in range(len(x)):
         if not change[i] <= k < change[i] + WANTING:
             continue
@@ -206,6 +213,14 @@ def _changes(
             lane[i], leader[i], since[i] = to, ahead, 0
             if behind != NOBODY:
                 leader[behind], since[behind] = i, 0
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@no_type_check
+def _braked(a: float, speed: float, left: float) -> float:
+    """Returns the acceleration of a vehicle whose lane goes on for so far, which may be for ever [m/s^2]."""
+    needed = min(speed * speed / (2.0 * max(left, 0.1)), BRAKING)
+    return min(a, -needed) if needed > STOPPING else a
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
@@ -238,10 +253,8 @@ def _forward(
             if since[i] < RELAXED:
                 closing = max(speed - v[ahead], 0.0)
                 a = max(a, -REGAINING - closing * closing / (2.0 * max(gap, MINIMUM_GAP)))
-        if merging and end[here] < np.inf:
-            needed = min(speed * speed / (2.0 * max(end[here] - x[i], 0.1)), BRAKING)
-            if needed > STOPPING:
-                a = min(a, -needed)
+        if merging:
+            a = _braked(a, speed, end[here] - x[i])
         place = min(x[i] + clip(speed + a * STEP, 0.0, fastest[i]) * STEP, end[here])
         if ahead >= 0:
             place = min(place, stopping(x[i], moved[ahead] - length[ahead], (moved[ahead] - x[ahead]) / STEP))
@@ -254,22 +267,65 @@ def _forward(
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
+def _draw(
+    start: Any, learned: Any, draws: Any, here: Any, s: int, driver: Any, own: Any, noise: Any, threshold: Any,
+    change: Any, fastest: Any,
+) -> None:  # fmt: skip
+    """Fills in the drivers' parameters, with softness, and the random numbers of the vehicles in a sample."""
+    for i in range(here.stop - here.start):
+        draw, who = start.draw[here.start + i], driver[i, s]
+        v, gap = start.v[here.start + i], start.gap[here.start + i]
+        threshold[i] = draws.threshold[draw, s]
+        change[i] = draws.change[draw, s] / max(learned.numbers[7], 1e-9) / STEP
+        fastest[i] = max(learned.numbers[8], v)
+        for p in range(6):
+            own[i, p] = learned.drivers[who, p]
+        factor = own_gap(learned.drivers[who, 6], own[i, 0], own[i, 1], own[i, 4], own[i, 5], v, gap)
+        own[i, 0], own[i, 1] = own[i, 0] * factor, own[i, 1] * factor
+        own[i, 6] = 2.0 * np.sqrt(own[i, 2] * own[i, 3])
+        for k in range(FUTURE):
+            noise[i, k] = draws.noise[draw, s, k]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@no_type_check
+def _sample(
+    m: int, s: int, start: Any, learned: Any, here: Any, own: Any, noise: Any, threshold: Any, change: Any,
+    fastest: Any, rates: Any, may: Any, rows: Any, out_x: Any, out_lane: Any, chance: Any, seen: Any, can: Any,
+) -> None:  # fmt: skip
+    """Drives the vehicles of a moment in one sample; what it fills in is as for `drive`."""
+    n, numbers = here.stop - here.start, learned.numbers
+    order, lane, ready = start.order[here].copy(), start.lane[here].copy(), start.ready[here].copy()
+    x, v, extra = start.x[here].copy(), start.v[here].copy(), start.residual[here].copy()
+    length, around = start.length[here], start.around[here]
+    offset, approach = start.offset[here], start.approach[here]
+    end, begin, target, source = start.end[m], start.begin[m], start.target[m], start.source[m]
+    leader, lead, lag, last = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64), np.empty_like(target)
+    gathered, since, moved, out = np.zeros(n), np.full(n, RELAXED), np.empty(n), np.empty(len(learned.hazard) - 3)
+    for k in range(FUTURE):
+        _see(order, lane, target, source, last, leader, lead, lag)
+        _merges(
+            k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag, threshold, rates,
+            may, end, begin, target, learned.hazard, out, chance, seen, can,
+        )  # fmt: skip
+        if numbers[7] > 0.0:
+            _changes(k, x, v, lane, length, since, leader, change, start.left[m], start.right[m])
+        _forward(
+            k, order, x, v, extra, lane, since, leader, lead, length, own, around, fastest, noise, numbers, end, begin,
+            target, moved,
+        )  # fmt: skip
+        _sort(order, x)
+        for i in range(n):
+            if rows[i] >= 0:
+                out_x[rows[i], s, k], out_lane[rows[i], s, k] = x[i], lane[i]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@no_type_check
 def drive(
-    start: Start,
-    learned: Law,
-    draws: Draws,
-    driver: Any,
-    rate: Any,
-    may: Any,
-    row: Any,
-    moments: Any,
-    samples: Any,
-    out_x: Any,
-    out_lane: Any,
-    out_chance: Any,
-    out_seen: Any,
-    out_can: Any,
-) -> None:
+    start: Start, learned: Law, draws: Draws, driver: Any, rate: Any, may: Any, row: Any, moments: Any, samples: Any,
+    out_x: Any, out_lane: Any, out_chance: Any, out_seen: Any, out_can: Any,
+) -> None:  # fmt: skip
     """Drives the vehicles of some moments in some samples.
 
     Args:
@@ -283,60 +339,22 @@ def drive(
         out_chance: of a merge, by vehicle and step, summed over the samples; filled.
         out_seen, out_can: features of the hazard, and whether it could merge; filled where they have room.
     """
-    watched, changing = out_can.shape[2], learned.numbers[7]
+    watched = out_can.shape[2]
     for m in range(moments[0], moments[1]):
-        first, stop = start.first[m], start.first[m + 1]
-        n = stop - first
-        here = slice(first, stop)
-        length, offset, approach, around = (
-            start.length[here],
-            start.offset[here],
-            start.approach[here],
-            start.around[here],
-        )
-        end, begin, target, source, rates = start.end[m], start.begin[m], start.target[m], start.source[m], rate[here]
-        left, right, mays, chance, rows = start.left[m], start.right[m], may[here], out_chance[here], row[here]
-        last = np.empty(end.shape[0], np.int64)
-        leader, lead, lag = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-        threshold, change, moved, out = np.empty(n), np.empty(n), np.empty(n), np.empty(learned.hazard.shape[0] - 3)
-        own, noise, fastest = np.empty((n, 7)), np.empty((n, FUTURE)), np.empty(n)
-        seen, can = np.empty((n, watched, len(out))), np.zeros((n, watched), np.bool_)
+        here = slice(start.first[m], start.first[m + 1])
+        n, rows = here.stop - here.start, row[here]
+        own, noise = np.empty((n, 7)), np.empty((n, FUTURE))
+        threshold, change, fastest = np.empty(n), np.empty(n), np.empty(n)
+        seen, can = np.empty((n, watched, len(learned.hazard) - 3)), np.zeros((n, watched), np.bool_)
         for s in range(samples[0], samples[1]):
-            order, lane, ready = start.order[here].copy(), start.lane[here].copy(), start.ready[here].copy()
-            x, v, extra = start.x[here].copy(), start.v[here].copy(), start.residual[here].copy()
-            gathered, since = np.zeros(n), np.full(n, RELAXED)
-            for i in range(n):
-                draw, who = start.draw[first + i], driver[first + i, s]
-                threshold[i], change[i] = draws.threshold[draw, s], draws.change[draw, s] / max(changing, 1e-9) / STEP
-                fastest[i] = max(learned.numbers[8], v[i])
-                for p in range(6):
-                    own[i, p] = learned.drivers[who, p]
-                habit = learned.drivers[who, 6]
-                factor = own_gap(habit, own[i, 0], own[i, 1], own[i, 4], own[i, 5], v[i], start.gap[first + i])
-                own[i, 0], own[i, 1] = own[i, 0] * factor, own[i, 1] * factor
-                own[i, 6] = 2.0 * np.sqrt(own[i, 2] * own[i, 3])
-                for k in range(FUTURE):
-                    noise[i, k] = draws.noise[draw, s, k]
-            for k in range(FUTURE):
-                _see(order, lane, target, source, last, leader, lead, lag)
-                _merges(
-                    k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag,
-                    threshold, rates, mays, end, begin, target, learned.hazard, out, chance, seen, can,
-                )  # fmt: skip
-                if changing > 0.0:
-                    _changes(k, x, v, lane, length, since, leader, change, left, right)
-                _forward(
-                    k, order, x, v, extra, lane, since, leader, lead, length, own, around, fastest, noise,
-                    learned.numbers, end, begin, target, moved,
-                )  # fmt: skip
-                _sort(order, x)
-                for i in range(n):
-                    if rows[i] >= 0:
-                        out_x[rows[i], s, k], out_lane[rows[i], s, k] = x[i], lane[i]
-            if watched:
-                for i in range(n):
-                    if rows[i] >= 0:
-                        out_seen[rows[i], s], out_can[rows[i], s] = seen[i], can[i]
+            _draw(start, learned, draws, here, s, driver[here], own, noise, threshold, change, fastest)
+            _sample(
+                m, s, start, learned, here, own, noise, threshold, change, fastest, rate[here], may[here], rows, out_x,
+                out_lane, out_chance[here], seen, can,
+            )  # fmt: skip
+            for i in range(n if watched else 0):
+                if rows[i] >= 0:
+                    out_seen[rows[i], s], out_can[rows[i], s] = seen[i], can[i]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
