@@ -160,12 +160,11 @@ def _merges(
             ahead = newest
         lead_gap, lag_gap = _room(i, x, length, ahead, lag[i])
         room = lead_gap > 0.0 and lag_gap > 0.0
-        if not room:
-            ready[i] = 0.0
         # where the gore is not known, vehicles may merge from where the first of the training vehicles did
         into = x[i] - begin[here] if begin[here] > -np.inf else hazard[-2] - min(end[here] - x[i], LANE_GOES_ON)
         can, watched = room and into >= 0.0, can_merge.shape[1] > 0 and not may[i]
-        waited, ready[i] = ready[i], min(ready[i] + STEP, LONGEST_READY)
+        waited = ready[i] if room else 0.0
+        ready[i] = min(waited + STEP, LONGEST_READY)
         if not (can or watched):
             continue
         lead_v, lag_v = v[ahead] if ahead != NOBODY else v[i], v[lag[i]] if lag[i] != NOBODY else v[i]
@@ -178,8 +177,7 @@ def _merges(
         if not can:
             continue
         adds = _integrated(hazard, out) * rate[i, k]
-        gathered[i] += adds
-        chance[i, k] -= np.expm1(-adds)
+        gathered[i], chance[i, k] = gathered[i] + adds, chance[i, k] - np.expm1(-adds)
         if may[i] and gathered[i] >= threshold[i]:
             lane[i], leader[i], since[i] = target[here], ahead, 0
             if lag[i] != NOBODY:

@@ -34,6 +34,7 @@ BLENDS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of each simpler roll-out that are tried
 NEARLY = 1.03  # of the least error
 LEAST_SCORES = 20  # a 5 % quantile of fewer residuals is not known
 LEAST_SPREAD = 0.05  # [m]; places are known no better
+LEAST_RATIO = 1e-6  # of an error to its size, so that its logarithm is a number where all errors are none
 LEAST_SIZE = 0.05  # of the roll-outs' spread
 NORMAL_SPREAD = 2.563  # standard deviations from the 10 % to the 90 % quantile of a normal distribution
 
@@ -287,7 +288,7 @@ def _unlikelihood(
 ) -> float:
     """Returns minus the log-likelihood of residuals as a Laplace distribution of those relative sizes."""
     ratio = np.abs(left[seen]) / size[seen]
-    return float(np.log(size[seen]).mean() + np.log(ratio.mean()))
+    return float(np.log(size[seen]).mean() + np.log(max(ratio.mean(), LEAST_RATIO)))
 
 
 def _floored(spread: Float[np.ndarray, "row"]) -> Float[np.ndarray, "row"]:
