@@ -141,7 +141,7 @@ def test_every_link_within_the_project_leads_to_a_file_and_a_heading(page):
 
 def test_the_methods_page_lists_the_errata_of_the_report():
     text = (DOCS / "methods.md").read_text(encoding="utf-8").partition("## Errata")[2].partition("\n## ")[0]
-    numbers = [int(number) for number in re.findall(r"^(\d)\. ", text, re.MULTILINE)]
+    numbers = [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
     assert numbers == [erratum.number for erratum in ERRATA]
 
 

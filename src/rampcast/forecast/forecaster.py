@@ -27,6 +27,7 @@ from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 from rampcast.threads import choosing_threads
 from rampcast.traffic import find_anchors
+from rampcast.traffic.anchors import need_ramp
 from rampcast.traffic.around import merge_scenes_at
 from rampcast.traffic.moments import Traffic, traffic_at_times
 from rampcast.traffic.situation import forecastable, situation_of_traffic
@@ -175,6 +176,7 @@ def fit(
     """
     spec, tell = spec or ForecasterSpec(), progress or tell_nobody
     spec = spec if every is None else replace(spec, spacing=every)
+    need_ramp(recording)
     data_hash = recording_hash(recording)
     # the tags name this module's classes, so they are known only by now
     stages = stages_of(kept, import_module("rampcast.forecast.tags").TAGS, data_hash, spec, start and start.data_hash)
