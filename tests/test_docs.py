@@ -77,7 +77,7 @@ def test_a_users_file_with_the_code_of_the_readme_is_typed(tmp_path):
     )
     found = [line for line in checked.stdout.splitlines() if "error:" in line]
     assert len(found) == 1, checked.stdout  # the mistake made on purpose: types are known, and all else is right
-    assert '"Forecast" has no attribute "no_such_name"' in found[0]
+    assert '"Forecasts" has no attribute "no_such_name"' in found[0]
 
 
 @pytest.mark.slow

@@ -55,7 +55,8 @@ def _rows(callback: Callable[..., Any]) -> Iterator[str]:
         required = parameter.default is inspect.Parameter.empty
         default = "**required**" if required else _default(parameter.default)
         several = "..." if get_origin(kind) is list else ""
-        told = next((one for one in info.param_decls or () if one.startswith("--")), f"--{name.replace('_', '-')}")
+        names = [one for one in (info.default, *(info.param_decls or ())) if isinstance(one, str)]
+        told = next((one for one in names if one.startswith("--")), f"--{name.replace('_', '-')}")
         shown = f"{name.upper()}{several}" if isinstance(info, ArgumentInfo) else told
         yield f"| `{shown}` | {_kind(kind)} | {default} | {_plain(info.help or '')} |"
 

@@ -22,6 +22,7 @@ from rampcast.cli.options import (
     Seed,
     SiteName,
     SkipBadRows,
+    Start,
     Stride,
 )
 from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, user_command
@@ -55,17 +56,14 @@ def train(
     batch: Batch = 32,
     stride: Stride = 1,
     seed: Seed = 1,
-    start: Annotated[
-        str,
-        typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'."),
-    ] = "pretrained",
+    start: Start = "pretrained",
     mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
     """Trains the forecaster on a site, in stages that are kept: after an interruption the same command goes on.
 
     With --paper the paper's framework instead: two neighbour LSTMs and 32 lane-change forests.
     """
-    from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
+    from rampcast.forecast.forecaster import ForecasterSpec, fit
     from rampcast.forecast.storage import save
     from rampcast.models.folder import check_replaceable
     from rampcast.paper.framework import fit_paper
@@ -82,8 +80,7 @@ def train(
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
-    if isinstance(model, Forecaster) and model.score is not None:
-        terminal.print_held_out(model.score)
+    terminal.print_held_out(getattr(model, "score", None))
 
 
 def started(start: str) -> "Forecaster | None":

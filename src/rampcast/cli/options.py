@@ -79,3 +79,6 @@ MergeZone = Annotated[
     typer.Option("--merge-zone", metavar="FROM TO", help="x between which merges are expected \\[m], as 180 230."),
 ]
 Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane grows to the right: turn it.")]
+Start = Annotated[
+    str, typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'.")
+]

@@ -117,11 +117,13 @@ def print_download(found: "Download", folder: Path) -> None:
     say(f"next: rampcast inspect {files}" + (" --skip-bad-rows" if found.rows_skipped else ""))
 
 
-def print_held_out(score: "HeldOut") -> None:
-    """Prints the errors on the minutes that were held out."""
+def print_held_out(score: "HeldOut | None") -> None:
+    """Prints the errors on the minutes that were held out; nothing where none were."""
     from rampcast.horizon import STEP
     from rampcast.models.correction import KNOTS
 
+    if score is None:
+        return
     heads = ("horizon [s]", "trained [m]", "it started from [m]", "constant speed [m]", "90 % band holds")
     title = f"mean error on the last fifth of the recording, {score.vehicles:,} forecasts, by a training on the rest"
     table = titled(title, heads, numbers=heads)

@@ -219,29 +219,31 @@ def fit_calibrated(
         stages: keeps what takes long.
         tell: called when a stage is done.
     """
-    beyond = bool((training.seen_for > training.change_time + 0.1).any())
     folds = training.folds(spec.folds) if spec.correction is not None else []
     total = len(folds) + (3 if folds else 1)
-    base_start = None if start is None else start.base
+    before = None if start is None else start.base
     tell(0, total)
-    base = stages.kept("base-all", lambda: fit_base(training, seed=seed, start=base_start))
-    plain = Calibrated(spec, base, None, None, beyond)
+    base = stages.kept("base-all", lambda: fit_base(training, seed=seed, start=before))
+    plain = Calibrated(spec, base, None, None, beyond=_seen_after_merges(training))
     tell(1, total)
-    if not folds:
-        return plain
-    parts = []
+    parts: list[RolledRows] = []
     for number, (train, test) in enumerate(folds):
-        unseen = _Unseen(plain, training, train, test, seed, base_start)
-        parts.append(stages.kept(f"rolled-{number}", unseen.rolled))
+        parts.append(stages.kept(f"rolled-{number}", _Unseen(plain, training, train, test, seed, before).rolled))
         tell(2 + number, total)
+    if not parts:
+        return plain
     rolled = _in_order(joined(parts), np.concatenate([test for _, test in folds]))
     in_lane = _corrected(training, rolled, np.flatnonzero(~training.scenes.may_merge), False, seed, spec)
     tell(total - 1, total)
     merging = _corrected(training, rolled, np.flatnonzero(training.merging), True, seed, spec)
     tell(total, total)
-    if start is not None:
-        in_lane, merging = in_lane or start.in_lane, merging or start.merging
-    return replace(plain, in_lane=in_lane, merging=merging)
+    if start is None:
+        return replace(plain, in_lane=in_lane, merging=merging)
+    return replace(plain, in_lane=in_lane or start.in_lane, merging=merging or start.merging)
+
+
+def _seen_after_merges(training: Training) -> bool:
+    return bool((training.seen_for > training.change_time + STEP / 2.0).any())
 
 
 @dataclass(frozen=True)

@@ -178,18 +178,8 @@ def fit(
     spec = spec if every is None else replace(spec, spacing=every)
     need_ramp(recording)
     data_hash = recording_hash(recording)
-    # the tags name this module's classes, so they are known only by now
-    stages = stages_of(kept, import_module("rampcast.forecast.tags").TAGS, data_hash, spec, start and start.data_hash)
     with choosing_threads(threads):
-        training = training_of(recording, spacing=spec.spacing, tell=partial(tell, "moments"))
-        check_enough(training, recording.names)
-        first = None if start is None else start.model
-        learn = partial(fit_calibrated, seed=spec.seed, spec=spec.model, start=first)
-        score = None
-        if first is not None:
-            score = held_out(training, first, partial(learn, tell=partial(tell, "held-out score")), stages)
-        model = learn(training, stages=stages, tell=partial(tell, "stages"))
-    stages.forget()
+        model, score = _learned(recording, data_hash, spec, start, kept, tell)
     return Forecaster(
         site=recording.site,
         model=model,
@@ -199,6 +189,28 @@ def fit(
         window_hashes=window_hashes(recording),
         score=score,
     )
+
+
+def _learned(
+    recording: Recording,
+    data_hash: str,
+    spec: ForecasterSpec,
+    start: Forecaster | None,
+    kept: Path | None,
+    tell: Progress,
+) -> tuple[Calibrated, HeldOut | None]:
+    """Returns what a recording teaches, and what that is worth on the minutes held out; see `fit`."""
+    # the tags name this module's classes, so they are known only by now
+    stages = stages_of(kept, import_module("rampcast.forecast.tags").TAGS, data_hash, spec, start and start.data_hash)
+    training = training_of(recording, spacing=spec.spacing, tell=partial(tell, "moments"))
+    check_enough(training, recording.names)
+    learn = partial(fit_calibrated, seed=spec.seed, spec=spec.model, start=None if start is None else start.model)
+    score = None
+    if start is not None:
+        score = held_out(training, start.model, partial(learn, tell=partial(tell, "held-out score")), stages)
+    model = learn(training, stages=stages, tell=partial(tell, "stages"))
+    stages.forget()
+    return model, score
 
 
 def _of_rows(recording: Recording, rows: Int[np.ndarray, "scene"], predict: Callable[[Traffic], Forecast]) -> Forecasts:
