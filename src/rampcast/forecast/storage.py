@@ -2,7 +2,7 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final, Literal, overload
 
 from rampcast.arguments import expected
 from rampcast.errors import ModelError
@@ -10,6 +10,9 @@ from rampcast.forecast.protocol import RecordingForecaster
 from rampcast.forecasters import FOLDERS
 from rampcast.models.folder import kind_of, load_model, save_model
 from rampcast.models.plain_data import Tags
+
+if TYPE_CHECKING:
+    from rampcast.forecast.forecaster import Forecaster
 
 PRETRAINED: Final = "pretrained"
 PRETRAINED_FOLDER: Final = Path(__file__).parent / PRETRAINED
@@ -29,6 +32,14 @@ def save(forecaster: RecordingForecaster, folder: str | Path) -> None:
         if (tags := _tags(kind))[kind] is type(forecaster):
             return save_model(forecaster, _path(folder), tags)
     raise ModelError(f"expected a forecaster, as `fit` returns, got a {type(forecaster).__name__}")
+
+
+@overload
+def load(folder: Literal["pretrained"]) -> "Forecaster": ...
+
+
+@overload
+def load(folder: str | Path) -> RecordingForecaster: ...
 
 
 def load(folder: str | Path) -> RecordingForecaster:
