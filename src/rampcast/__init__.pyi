@@ -4,6 +4,7 @@ from .doctor import inspect as inspect
 from .errors import RampcastError as RampcastError
 from .forecast import Forecast as Forecast
 from .forecast import Forecasts as Forecasts
+from .forecast import Online as Online
 from .forecast import fit as fit
 from .forecast import load as load
 from .forecast import save as save

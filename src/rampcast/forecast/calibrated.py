@@ -15,7 +15,7 @@ from rampcast.forecast.learning import Base, Training, fit_base, merge_rates
 from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_average, sharing
 from rampcast.forecast.stages import Stages
 from rampcast.horizon import STEP
-from rampcast.models.correction import KNOTS, Correction, CorrectionSpec, Rolled, fit_correction
+from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction
 from rampcast.models.merge_features import merge_table, platoon_table, regimes
 from rampcast.threads import shared_out
 from rampcast.traffic.around import joined
@@ -78,6 +78,7 @@ class Calibrated:
         follow: Int[np.ndarray, "vehicle"],
         *,
         samples: int | None = None,
+        scale: Float[np.ndarray, "knot"] | None = None,
     ) -> tuple[Beginning, Driven]:
         """Returns sampled futures of all vehicles of a situation, moved to where they are calibrated.
 
@@ -87,17 +88,18 @@ class Calibrated:
             vehicle: place of each of these in the situation.
             follow: which of these (a row) each vehicle of the situation is moved like; `NOBODY` for one that is not.
             samples: how many; None for those of the spec.
+            scale: by how much farther apart the quantiles are to be than learned, at each of `KNOTS`; None for 1.
         """
         samples = samples or self.spec.samples
         rate = merge_rates(self.base, situation, scenes, vehicle)
         beginning = begin(self.base.roll_out, situation)
         driven = drive(self.base.roll_out, beginning, samples=samples, seed=self.base.seed, rate=rate)
-        if self.in_lane is None and self.merging is None:
+        if self.in_lane is None and self.merging is None and scale is None:
             return beginning, driven
         at_knots, lane = (values[vehicle][:, :, KNOTS] for values in (driven.x, driven.lane))
         counts = self._counts(situation, vehicle, lane)
         rolled = rolled_of(self.base, beginning, scenes, vehicle, at_knots, lane, counts)
-        moves = self._moves(rolled, scenes, at_knots, counts, beginning.start.x[vehicle])
+        moves = self._moves(rolled, scenes, at_knots, counts, beginning.start.x[vehicle], scale)
         shift = np.concatenate([moves, np.zeros((1, *moves.shape[1:]), np.float32)])[follow]
         self._project(beginning, shift, driven)
         return beginning, driven
@@ -136,15 +138,21 @@ class Calibrated:
         x: Float[np.ndarray, "row sample knot"],
         counts: Bool[np.ndarray, "row sample knot"],
         start: Float[np.ndarray, "row"],
+        scale: Float[np.ndarray, "knot"] | None,
     ) -> Float[np.ndarray, "row sample knot"]:
         from rampcast.forecast.projection import ANCHORS, shifts  # numba: only who forecasts waits for it
 
         moves = np.zeros(x.shape, np.float32)
         for correction, merging in ((self.in_lane, False), (self.merging, True)):
             rows = np.flatnonzero(scenes.may_merge == merging)
-            if correction is None or not len(rows):
+            if not len(rows) or (correction is None and scale is None):
                 continue
-            wanted = correction.quantiles(rolled.of(rows, merging=merging))[:, :, ANCHORS]
+            if correction is None:
+                own = counted_quantiles(x[rows], counts[rows], tuple(LEVELS[ANCHORS]))
+                wanted = np.stack(own, axis=-1) - start[rows, None, None]
+            else:
+                wanted = correction.quantiles(rolled.of(rows, merging=merging))[:, :, ANCHORS]
+            wanted = wanted if scale is None else _spread(wanted, scale)
             wanted = np.maximum.accumulate(np.maximum(wanted, 0.0), axis=1) + start[rows, None, None]
             part = np.empty((len(rows), *x.shape[1:]), np.float32)
             _in_shares(shifts, (x[rows], counts[rows], wanted, part))
@@ -161,6 +169,16 @@ class Calibrated:
             project(start, fastest, shift, OVER_TIME, NEAR, task[:2], task[2:], driven.x, driven.lane)
 
         sharing(work, len(start.first) - 1, driven.x.shape[1])
+
+
+def _spread(
+    wanted: Float[np.ndarray, "row knot anchor"], scale: Float[np.ndarray, "knot"]
+) -> Float[np.ndarray, "row knot anchor"]:
+    """Returns quantiles as much farther from their median."""
+    from rampcast.forecast.projection import MIDDLE
+
+    median = wanted[:, :, [MIDDLE]]
+    return median + scale[:, None] * (wanted - median)
 
 
 def _in_shares(loops: Callable[..., None], arrays: Sequence[np.ndarray]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import overload
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rampcast.errors import RecordingError
 from rampcast.forecast.calibrated import SPEC, Calibrated, CalibratedSpec, fit_calibrated
@@ -122,8 +122,14 @@ class Forecaster:
         return moment_parts(self._of_traffic, recording, every=every)
 
 
-def forecast_traffic(model: Calibrated, traffic: Traffic, *, samples: int | None = None) -> Forecast:
-    """Returns the forecast of all vehicles of a moment that can be forecast."""
+def forecast_traffic(
+    model: Calibrated,
+    traffic: Traffic,
+    *,
+    samples: int | None = None,
+    scale: Float[np.ndarray, "knot"] | None = None,
+) -> Forecast:
+    """Returns the forecast of all vehicles of a moment that can be forecast; see `Calibrated.futures`."""
     rows = forecastable(traffic)
     numbers = np.array([lane.number for lane in traffic.site.lanes])
     if not len(rows):
@@ -135,7 +141,7 @@ def forecast_traffic(model: Calibrated, traffic: Traffic, *, samples: int | None
     situation = situation_of_traffic(traffic)
     vehicle = np.arange(len(rows))
     scenes = merge_scenes_at(traffic, rows)
-    beginning, driven = model.futures(situation, scenes, vehicle, vehicle, samples=samples)
+    beginning, driven = model.futures(situation, scenes, vehicle, vehicle, samples=samples, scale=scale)
     known = np.append(numbers, np.full(situation.end.shape[1] - len(numbers), NO_LANE)).astype(np.int16)
     return Forecast(
         site=traffic.site,

@@ -18,6 +18,7 @@ from rampcast.models.correction import KNOTS, LEVELS
 from rampcast.models.driver_loops import HARDEST, stopping
 
 ANCHORS = np.array([4, 24, 49, 74, 94])  # of `LEVELS`: 5, 25, 50, 75 and 95 %, between which samples move alike
+MIDDLE = 2  # of these: the median
 SAME = 0.02  # [m] by which samples are drawn apart that lie in one place, as those of a standing vehicle do
 SMOOTHING = 5  # steps over which moves are averaged: what a hundred samples' quantiles jump by is no acceleration
 STRONGEST = 5.0  # [m/s^2] that a car accelerates with at most

@@ -116,6 +116,10 @@ class Recalibration:
                 found[number] = np.quantile(own, 1.0 - self.alpha[number])
         return np.clip(found, NARROWEST, WIDEST)
 
+    def waits_for(self, t0: float) -> bool:
+        """Returns whether a forecast of that moment [s] would be taken note of."""
+        return not self.pending or t0 >= self.pending[-1].t0 + SPACING - STEP / 2
+
     def issued(
         self, t0: float, vehicle: Shaped[np.ndarray, "vehicle"], bands: Float[np.ndarray, "vehicle horizon 3"]
     ) -> "Recalibration":
@@ -126,7 +130,7 @@ class Recalibration:
             vehicle: ids.
             bands: quantiles of the position at `HORIZONS`, at `LEVELS` [m], before `apply`.
         """
-        if self.pending and t0 < self.pending[-1].t0 + SPACING - STEP / 2:
+        if not self.waits_for(t0):
             return self
         return replace(self, pending=(*self.pending, Issued(t0, vehicle, bands, self.factors)))
 
