@@ -58,9 +58,7 @@ def narrow(forecaster):
     def narrowed(correction):
         return Correction(tuple(replace(knot, **NARROW) for knot in correction.knots))
 
-    return replace(
-        forecaster, model=replace(model, in_lane=narrowed(model.in_lane), merging=narrowed(model.merging))
-    )
+    return replace(forecaster, model=replace(model, in_lane=narrowed(model.in_lane), merging=narrowed(model.merging)))
 
 
 def frames(recording: rc.Recording, *, until: float = np.inf, every: int = 1) -> Iterator[tuple[float, pl.DataFrame]]:
@@ -122,42 +120,45 @@ def test_without_recalibration_all_forecasts_are_those_of_the_moments(narrow, re
 
 def test_the_coverage_of_bands_that_are_too_narrow_returns_to_nine_tenths(narrow):
     online, plain = rc.Online(narrow), rc.Online(narrow, recalibration=None)
-    for time, frame in wandering(seconds=100):
+    for time, frame in wandering(seconds=70):
         found = online.push(time, frame)
         assert_possible(found)
     short = online.coverage().filter(pl.col("horizon") <= 3.0)
-    assert (short["n"] > 900).all()
-    assert (short["coverage_unscaled"] < 0.82).all()
-    assert (short["factor"] > 1.3).all()
-    late = online.recalibration.scores.since(50.0)
+    assert (short["n"] > 500).all()
+    assert (short["coverage_unscaled"] < 0.86).all()
+    assert (short["factor"] > 1.15).all()
+    late = online.recalibration.scores.since(35.0)
     for number in np.flatnonzero(SHORT):
         some = late.horizon == number
         assert (late.score[some] <= late.factor[some]).mean() == pytest.approx(0.9, abs=0.06), HORIZONS[number]
-    for time, frame in wandering(seconds=100):
-        if time > 95.0:
+    for time, frame in wandering(seconds=70):
+        if time > 65.0:
             learned = plain.push(time, frame)
     wider = (np.ptp(one.quantiles(LEVELS)[:, STEPS[SHORT]], axis=2).mean(axis=0) for one in (found, learned))
-    assert (np.divide(*wider) > 1.2).all()
+    assert (np.divide(*wider) > 1.1).all()
 
 
-def test_bands_are_as_much_wider_as_the_scale_says_and_the_traffic_stays_one_that_is_possible(forecaster, recording):
+def test_bands_are_as_much_wider_as_the_scale_says():
+    stream = rc.Stream(load_site("i80"))
+    for time, frame in wandering(seconds=6, rate=5):
+        traffic = stream.push(time, frame)
+    model, scale = rc.load("pretrained").model, np.linspace(1.5, 2.0, len(KNOTS))
+    found = [forecast_traffic(model, traffic, samples=60, scale=one) for one in (1.0 / scale, None, scale)]
+    width = [np.ptp(one.quantiles(LEVELS)[:, KNOTS[:5]], axis=2) for one in found]
+    for number in range(2):  # up to 8 s nobody reaches another, or the limits of a car
+        ratio = np.median(width[number + 1] / width[number], axis=0)
+        np.testing.assert_allclose(ratio, scale[:5], rtol=0.06)
+
+
+def test_scaled_traffic_stays_one_that_is_possible(forecaster, recording):
     traffic = rc.traffic(recording, at=AT)
-    scale = np.linspace(1.5, 2.0, len(KNOTS))
-    asked = (1.0 / scale, None, scale)
-    found = [forecast_traffic(forecaster.model, traffic, samples=60, scale=one) for one in asked]
-    width = []
-    for one in found:
-        assert_possible(one)
-        width.append(np.ptp(one.quantiles(LEVELS)[:, KNOTS[:4]], axis=2))
-    np.testing.assert_allclose(np.median(width[1] / width[0], axis=0), scale[:4], rtol=0.15)
-    np.testing.assert_allclose(np.median(width[2] / width[1], axis=0), scale[:4], rtol=0.15)
+    for scale in (0.4, 1.0, 3.0):
+        assert_possible(forecast_traffic(forecaster.model, traffic, samples=60, scale=np.full(len(KNOTS), scale)))
 
 
 def test_a_scale_holds_for_a_model_without_corrections_too(forecaster, recording):
     traffic, model = rc.traffic(recording, at=AT), replace(forecaster.model, in_lane=None, merging=None)
-    plain, wide = (
-        forecast_traffic(model, traffic, samples=60, scale=one) for one in (None, np.full(len(KNOTS), 1.5))
-    )
+    plain, wide = (forecast_traffic(model, traffic, samples=60, scale=one) for one in (None, np.full(len(KNOTS), 1.5)))
     width = [np.ptp(one.quantiles(LEVELS)[:, KNOTS[:4]], axis=2) for one in (plain, wide)]
     np.testing.assert_allclose(np.median(width[1] / width[0]), 1.5, rtol=0.15)
     assert_possible(wide)
@@ -224,3 +225,9 @@ def test_a_reset_stream_begins_anew_and_its_recalibration_can_be_handed_on(narro
 def test_another_site_is_refused(forecaster):
     with pytest.raises(ModelError, match="us101"):
         rc.Online(forecaster, load_site("us101"))
+
+
+def test_a_forecaster_of_any_site_is_told_which_one_the_stream_is_of(forecaster):
+    with pytest.raises(ModelError, match="site="):
+        rc.Online(replace(forecaster, site=None))
+    assert rc.Online(replace(forecaster, site=None), load_site("us101")).site.name == "us101"

@@ -96,7 +96,7 @@ class Calibrated:
         driven = drive(self.base.roll_out, beginning, samples=samples, seed=self.base.seed, rate=rate)
         if self.in_lane is None and self.merging is None and scale is None:
             return beginning, driven
-        at_knots, lane = (values[vehicle][:, :, KNOTS] for values in (driven.x, driven.lane))
+        at_knots, lane = (np.take(values, KNOTS, axis=2)[vehicle] for values in (driven.x, driven.lane))
         counts = self._counts(situation, vehicle, lane)
         rolled = rolled_of(self.base, beginning, scenes, vehicle, at_knots, lane, counts)
         moves = self._moves(rolled, scenes, at_knots, counts, beginning.start.x[vehicle], scale)

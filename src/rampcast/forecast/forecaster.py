@@ -103,22 +103,27 @@ class Forecaster:
                 return self._of_traffic(what)
             return self.predict_at(what, find_anchors(what, every=every))
 
-    def _check(self, site: Site) -> None:
+    def check(self, site: Site) -> None:
+        """Checks that it may forecast vehicles of that site.
+
+        Raises:
+            ModelError: it was trained at another one.
+        """
         if self.site is not None:
             check_same_site(self.site, site)
 
     def _of_traffic(self, traffic: Traffic) -> Forecast:
-        self._check(traffic.site)
+        self.check(traffic.site)
         return forecast_traffic(self.model, traffic)
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecasts:
         """Returns the forecasts of the vehicles at those rows of a recording, which `find_anchors` gave."""
-        self._check(recording.site)
+        self.check(recording.site)
         return _of_rows(recording, rows, self._of_traffic)
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns the forecasts of all vehicles of a recording, raw or smoothed, a moment after the other."""
-        self._check(recording.site)
+        self.check(recording.site)
         return moment_parts(self._of_traffic, recording, every=every)
 
 
@@ -151,7 +156,7 @@ def forecast_traffic(
         start_lane=known[situation.lane].astype(np.int64),
         length=situation.length,
         samples=driven.x,
-        lane=known[driven.lane],
+        lane=known.take(driven.lane),
     )
 
 

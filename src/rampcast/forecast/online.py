@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
+from rampcast.errors import ModelError
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecaster import Forecaster, forecast_traffic
-from rampcast.forecast.protocol import check_same_site
 from rampcast.forecast.recalibration import HORIZONS, LEVELS, STEPS, Recalibration
 from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS
@@ -48,15 +48,17 @@ class Online:
 
         Args:
             forecaster: what `fit` returned.
-            site: of the stream; None for that of the forecaster.
+            site: of the stream; None for that of the forecaster, which the pretrained one lacks.
             samples: futures of each forecast; None for as many as the forecaster was trained with.
             recalibration: to begin with; None to leave bands as they are learned, whatever becomes of them.
 
         Raises:
-            ModelError: the forecaster is of another site.
+            ModelError: the forecaster is of another site, or it is of none and none is given.
         """
-        self.site = site or forecaster.site
-        check_same_site(forecaster.site, self.site)
+        if (site := site or forecaster.site) is None:
+            raise ModelError(f"{forecaster!r} is of no site of its own: say which one the stream is of, site=")
+        forecaster.check(site)
+        self.site = site
         self._model, self._samples, self._first = forecaster.model, samples, recalibration
         self.reset()
 
@@ -112,9 +114,7 @@ def _scale(factors: Float[np.ndarray, "horizon"]) -> Float[np.ndarray, "knot"] |
     return np.interp(STEP * (KNOTS + 1), HORIZONS, factors)
 
 
-def _unscaled(
-    forecast: Forecast, factors: Float[np.ndarray, "horizon"]
-) -> Float[np.ndarray, "vehicle horizon 3"]:
+def _unscaled(forecast: Forecast, factors: Float[np.ndarray, "horizon"]) -> Float[np.ndarray, "vehicle horizon 3"]:
     """Returns the bands that the samples would have without the factors [m], in each of which as many truths lie as in
     those they have with them: the projection gives a little less, or more, than the factors ask for."""
     found = forecast.quantiles(LEVELS)[:, STEPS]
