@@ -17,7 +17,7 @@ from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.windows import WINDOW
 from rampcast.threads import in_threads
 
-BATCHES = (64, 512)  # sizes to which calls are padded, so that a new number of vehicles does not compile again
+BATCHES = (32, 128)  # sizes to which calls are padded, so that a new number of vehicles does not compile again
 PRECISION = np.float32
 
 State = tuple[Array, Array]
