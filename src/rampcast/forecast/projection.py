@@ -20,6 +20,7 @@ from rampcast.models.driver_loops import HARDEST, stopping
 ANCHORS = np.array([4, 24, 49, 74, 94])  # of `LEVELS`: 5, 25, 50, 75 and 95 %, between which samples move alike
 MIDDLE = 2  # of these: the median
 SAME = 0.02  # [m] by which samples are drawn apart that lie in one place, as those of a standing vehicle do
+ROUNDING = 1e-9  # a weight below this is none
 SMOOTHING = 5  # steps over which moves are averaged: what a hundred samples' quantiles jump by is no acceleration
 STRONGEST = 5.0  # [m/s^2] that a car accelerates with at most
 NOBODY = -1
@@ -29,12 +30,13 @@ def _over_time() -> Float[np.ndarray, "step knot"]:
     """Returns how much of the move at each knot a move at each step is: straight between knots, averaged over 1 s."""
     place = np.concatenate([[-1], KNOTS])
     weight = np.stack([np.interp(np.arange(FUTURE), place, one) for one in np.eye(len(place))[1:]], axis=1)
-    return uniform_filter1d(weight, SMOOTHING, axis=0, mode="nearest")
+    smooth = uniform_filter1d(weight, SMOOTHING, axis=0, mode="nearest")
+    return np.where(smooth > ROUNDING, smooth, 0.0)
 
 
 OVER_TIME = _over_time()
-NEAR = np.argmax(OVER_TIME > 0.0, axis=1)  # first of the knots that count at each step
-TOGETHER = int((OVER_TIME > 0.0).sum(axis=1).max())  # knots that count at a step: the others' weights are 0
+NEAR = np.argmax(OVER_TIME > ROUNDING, axis=1)  # first of the knots that count at each step
+TOGETHER = int((OVER_TIME > ROUNDING).sum(axis=1).max())  # knots that count at a step: the others' weights are 0
 
 
 @numba.njit(cache=True, nogil=True)
