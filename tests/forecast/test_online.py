@@ -147,7 +147,7 @@ def test_bands_are_as_much_wider_as_the_scale_says():
     width = [np.ptp(one.quantiles(LEVELS)[:, KNOTS[:5]], axis=2) for one in found]
     for number in range(2):  # up to 8 s nobody reaches another, or the limits of a car
         ratio = np.median(width[number + 1] / width[number], axis=0)
-        np.testing.assert_allclose(ratio, scale[:5], rtol=0.06)
+        np.testing.assert_allclose(ratio, scale[:5], rtol=0.12)
 
 
 def test_scaled_traffic_stays_one_that_is_possible(forecaster, recording):
