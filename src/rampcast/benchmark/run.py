@@ -65,7 +65,8 @@ def benchmark(
 ) -> Benchmark:
     """Returns the scores of every model and baseline on the open benchmark, and each single forecast.
 
-    It takes about twelve minutes of processor time. A folder without simulated windows gets the shipped ones.
+    It takes about half an hour of processor time, most of it to train the paper's LSTMs. A folder without simulated
+    windows gets the shipped ones.
 
     Args:
         folder: files to train on; None for `default_folder`.
