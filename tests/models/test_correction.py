@@ -10,7 +10,7 @@ from rampcast.models.folds import time_folds
 
 pytestmark = pytest.mark.slow
 
-SPEC = CorrectionSpec(trees=16, learning_rate=0.2)
+SPEC = CorrectionSpec(trees=16, learning_rate=0.2, least_for_trees=100)
 
 
 def made_up(count: int, seed: int, *, wrong: float) -> tuple[Rolled, np.ndarray]:

@@ -28,7 +28,6 @@ TAGS: Tags = {
     "calibrated": Calibrated,
     "samples": CalibratedSpec,
     "base": Base,
-    "rolled": RolledRows,
     "held_out": HeldOut,
     "roll_out": RollOut,
     "manners": Manners,
@@ -44,3 +43,4 @@ TAGS: Tags = {
     "boosted_trees": BoostedTrees,
     "trees": Trees,
 }
+STAGES: Tags = TAGS | {"rolled": RolledRows}  # what a training keeps on the way, beside parts of the model
