@@ -43,4 +43,4 @@ TAGS: Tags = {
     "boosted_trees": BoostedTrees,
     "trees": Trees,
 }
-STAGES: Tags = TAGS | {"rolled": RolledRows}  # what a training keeps on the way, beside parts of the model
+STAGES: Tags = {**TAGS, "rolled": RolledRows}  # what a training keeps on the way, beside parts of the model
