@@ -67,7 +67,7 @@ def stop(*_: object, **__: object) -> None:
 @pytest.mark.parametrize(
     ("module", "name", "call"),
     [
-        ("rampcast.forecast.forecaster", "find_anchors", lambda module, traffic: module.fit(traffic, threads=3)),
+        ("rampcast.forecast.forecaster", "training_of", lambda module, traffic: module.fit(traffic, threads=3)),
         ("rampcast.forecast.forecaster", "find_anchors", lambda module, traffic: predict(module.Forecaster, traffic)),
         (
             "rampcast.paper.framework",
