@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import uniform_filter1d
 
+from rampcast.forecast.roll_out_kernel import sorted_by_place
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS
 from rampcast.models.driver_loops import HARDEST, stopping
@@ -74,18 +75,6 @@ def shifts(x: Any, counts: Any, wanted: Any, out: Any) -> None:
                     part = min(max((here - own[j]) / width, 0.0), 1.0)
                     moved += part * (wanted[row, knot, j + 1] - wanted[row, knot, j])
                 out[row, s, knot] = moved - x[row, s, knot]
-
-
-@numba.njit(cache=True, nogil=True)
-@no_type_check
-def _sort(order: Any, x: Any) -> None:
-    for j in range(1, len(order)):
-        i = order[j]
-        place = j
-        while place > 0 and x[order[place - 1]] > x[i]:
-            order[place] = order[place - 1]
-            place -= 1
-        order[place] = i
 
 
 @numba.njit(cache=True, nogil=True)
@@ -169,4 +158,4 @@ def project(
                 _drive(order, place, speed, wanted, fastest[first:stop], lane, length, end, beside, last, moved)
                 for i in range(n):
                     x[first + i, s, k], lanes[first + i, s, k] = place[i], lane[i]
-                _sort(order, place)
+                sorted_by_place(order, place)

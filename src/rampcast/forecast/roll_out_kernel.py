@@ -111,7 +111,7 @@ def _see(order: Any, lane: Any, target: Any, source: Any, last: Any, leader: Any
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
-def _sort(order: Any, x: Any) -> None:
+def sorted_by_place(order: Any, x: Any) -> None:
     """Puts vehicles that are nearly in order from upstream to downstream."""
     for j in range(1, len(order)):
         i = order[j]
@@ -312,7 +312,7 @@ def _sample(
             k, order, x, v, extra, lane, since, leader, lead, length, own, around, fastest, noise, numbers, end, begin,
             target, moved,
         )  # fmt: skip
-        _sort(order, x)
+        sorted_by_place(order, x)
         for i in range(n):
             if rows[i] >= 0:
                 out_x[rows[i], s, k], out_lane[rows[i], s, k] = x[i], lane[i]
