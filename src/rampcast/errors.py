@@ -5,6 +5,7 @@ RampcastError
 ├── SiteError        a site is unknown, or its data file is wrong
 ├── RecordingError   a recording lacks what the asked-for step needs
 ├── ModelError       a model folder is missing, damaged, or made by another version
+├── OutputError      something cannot be written where it was asked for, or would be lost
 ├── DownloadError    a file cannot be got, or is not what was asked for
 └── MissingExtra     an optional part is not installed
 """
@@ -28,6 +29,10 @@ class RecordingError(RampcastError):
 
 class ModelError(RampcastError):
     """A model folder is missing, damaged, or made by another version."""
+
+
+class OutputError(RampcastError):
+    """Something cannot be written where it was asked for, or would be lost."""
 
 
 class DownloadError(RampcastError):

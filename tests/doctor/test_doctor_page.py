@@ -11,6 +11,7 @@ from rampcast.doctor import Diagnosis, RoadDiagnosis, doctor, examine
 from rampcast.doctor import figures as doctor_figures
 from rampcast.doctor import page as doctor_page
 from rampcast.doctor.page import write_diagnosis
+from rampcast.files import LIST
 from rampcast.formats import ReadReport
 from rampcast.recording import columns as c
 from tests.doctor import made_up as m
@@ -84,7 +85,7 @@ def test_all_places_are_in_the_tables_and_all_numbers_in_the_json(folder: Path, 
 
 def test_other_files_in_the_folder_stay_and_nothing_half_written_is_left(folder: Path) -> None:
     names = {path.name for path in folder.iterdir()}
-    assert names == {"mine.txt", "doctor.html", "doctor.json", "findings.csv", "findings.parquet"}
+    assert names == {LIST, "mine.txt", "doctor.html", "doctor.json", "findings.csv", "findings.parquet"}
 
 
 def test_nothing_is_written_if_the_page_cannot_be_drawn(diagnosis, tmp_path, monkeypatch):

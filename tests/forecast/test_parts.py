@@ -6,7 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.errors import RecordingError
+from rampcast.errors import OutputError, RecordingError
+from rampcast.files import LIST
 from rampcast.forecast import parts
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import joined
@@ -86,7 +87,7 @@ def test_files_hold_the_tables_of_all_parts_in_their_order(tmp_path, monkeypatch
         assert pl.read_parquet(path).equals(table), name
         assert pl.read_csv(path.with_suffix(".csv"), schema=table.schema).equals(table), name
         assert written[path] == written[path.with_suffix(".csv")] == table.height
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in written}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {LIST} | {path.name for path in written}
 
 
 def test_parts_without_vehicles_are_no_error(tmp_path):
@@ -103,8 +104,19 @@ def test_files_of_another_run_are_taken_away(tmp_path):
     (tmp_path / "mine.csv").write_text("kept")
     write_forecasts(moments(1), tmp_path, suffixes=(".parquet",))
     assert {path.name for path in tmp_path.iterdir()} == {
-        "forecast.parquet", "lane_change.parquet", "gap.parquet", "conflicts.parquet", "mine.csv"
+        LIST, "forecast.parquet", "lane_change.parquet", "gap.parquet", "conflicts.parquet", "mine.csv"
     }  # fmt: skip
+
+
+def test_a_users_files_of_the_same_names_are_neither_replaced_nor_taken_away(tmp_path):
+    (tmp_path / "forecast.parquet").write_bytes(b"the user's own recording")
+    (tmp_path / "gap.csv").write_text("the user's own table")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(OutputError, match=r"forecast\.parquet: .*would be lost"):
+        write_forecasts(iter([]), tmp_path, suffixes=(".parquet",))
+    (tmp_path / "forecast.parquet").unlink()
+    write_forecasts(moments(1), tmp_path, suffixes=(".parquet",))
+    assert (tmp_path / "gap.csv").read_bytes() == before[tmp_path / "gap.csv"]
 
 
 def test_an_error_on_the_way_leaves_the_files_of_the_run_before(tmp_path):
@@ -125,7 +137,7 @@ def test_parts_are_let_go_when_they_are_written(tmp_path, monkeypatch):
 
     def watched():
         for part in moments(12):
-            files.append(len(list(tmp_path.glob(".forecast.*/forecast-*.parquet"))))
+            files.append(len(list(tmp_path.rglob("forecast-*.parquet"))))
             yield part
 
     write_forecasts(watched(), tmp_path, suffixes=(".parquet",))

@@ -63,7 +63,7 @@ def test_a_training_that_was_interrupted_goes_on_with_the_stages_that_it_kept(re
     monkeypatch.setattr(calibrated, "fit_base", lambda *a, **b: learned.append(1) or fit_base(*a, **b))
     resumed = fit(recording, spec=SPEC, kept=tmp_path / "stages")
     assert len(learned) == 1  # the second block's models alone
-    assert not list((tmp_path / "stages").iterdir())
+    assert not (tmp_path / "stages").exists()
     traffic = rc.traffic(random_traffic(2, vehicles=60, name="i80-2"), at=30.0)
     np.testing.assert_array_equal(resumed.predict(traffic).samples, whole.predict(traffic).samples)
 

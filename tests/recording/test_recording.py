@@ -2,15 +2,12 @@
 
 import json
 import math
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import polars as pl
 import pytest
 
 from rampcast.errors import RecordingError, SiteError
-from rampcast.files import write_whole, write_whole_folder
 from rampcast.recording import clean, concatenate, read_recording, write_recording
 from rampcast.recording import columns as c
 from rampcast.sites import load_site, site_names, write_site
@@ -148,26 +145,6 @@ def test_an_unknown_site_is_answered_with_those_that_exist():
         load_site("moon")
     with pytest.raises(SiteError, match="there is no site 'us110'; is 'us101' meant"):
         load_site("us110")
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
-    path = tmp_path / "deep" / "file.txt"
-    with write_whole(path) as partial:
-        partial.write_text("first")
-    with pytest.raises(ZeroDivisionError), write_whole(path) as partial:
-        partial.write_text(str(1 / 0))
-    assert path.read_text() == "first"
-    assert os.listdir(path.parent) == ["file.txt"]
-
-
-def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path):
-    folder = tmp_path / "model"
-    with write_whole_folder(folder) as partial:
-        (partial / "a").write_text("first")
-    with pytest.raises(ZeroDivisionError), write_whole_folder(folder) as partial:
-        (partial / "b").write_text(str(1 / 0))
-    assert [path.name for path in folder.iterdir()] == ["a"]
-    assert os.listdir(tmp_path) == ["model"]
 
 
 def test_a_smoothed_window_keeps_its_raw_one_and_a_renamed_one_has_none():

@@ -21,7 +21,7 @@ from rampcast.benchmark.figures import (
 )
 from rampcast.benchmark.reliability import merge_reliability, shares_below, typical_case, typical_merges, with_merges
 from rampcast.errors import RampcastError
-from rampcast.files import write_whole
+from rampcast.files import write_outputs
 from rampcast.plots import style
 from rampcast.plots.forecast_pictures import forecast_fan, merge_densities
 from rampcast.plots.panels import Draw, panels
@@ -88,18 +88,14 @@ def benchmark_pictures(tables: Tables) -> dict[str, Figure]:
 
 
 def save_pictures(pictures: Mapping[str, Figure], folder: Path, *, kinds: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Writes pictures to a folder, each whole, and returns the files. All are drawn before the first is written."""
+    """Writes pictures to a folder, all or none, and returns the files. All are drawn before the first is written."""
     writers = {"png": _png, "svg": style.svg_of}
     with mpl.rc_context(style.RC):
-        drawn = {
-            Path(folder) / f"{name}.{kind}": writers[kind](figure)
-            for name, figure in pictures.items()
-            for kind in kinds
-        }
-    for path, content in drawn.items():
-        with write_whole(path) as partial:
-            partial.write_bytes(content)
-    return list(drawn)
+        drawn = {f"{name}.{kind}": writers[kind](figure) for name, figure in pictures.items() for kind in kinds}
+    with write_outputs(Path(folder)) as new:
+        for name, content in drawn.items():
+            (new / name).write_bytes(content)
+    return [Path(folder) / name for name in drawn]
 
 
 def _png(figure: Figure) -> bytes:

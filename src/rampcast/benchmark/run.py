@@ -20,7 +20,7 @@ from rampcast.benchmark.models import Fit
 from rampcast.benchmark.place_tables import case_table, score_table
 from rampcast.benchmark.sides import Folders, sizes
 from rampcast.errors import RecordingError
-from rampcast.files import write_whole
+from rampcast.files import check_outputs, write_outputs
 from rampcast.forecast.protocol import Progress, tell_nobody
 from rampcast.forecasters import merges, places
 from rampcast.simulate.shipped import shipped_sample
@@ -28,6 +28,12 @@ from rampcast.threads import in_threads
 from rampcast.traffic.around import joined
 
 TABLES = ("scores", "cases", "merge_scores", "merge_cases")  # of a run
+RECORD = "run.json"
+FILES = (
+    RECORD,
+    *(f"{name}.parquet" for name in TABLES),
+    *(f"{name}.csv" for name in TABLES if name.endswith("scores")),
+)
 PACKAGES = ("rampcast", "jax", "numpy", "scipy", "polars")
 
 
@@ -77,10 +83,13 @@ def benchmark(
 
     Raises:
         RecordingError: a folder is not there, or no data set has its files in both.
+        OutputError: a file of the user's in `out` would be lost.
     """
     for given in (folder, test):
         if given is not None and not Path(given).is_dir():
             raise RecordingError(f"{given}: there is no such folder")
+    if out is not None:
+        check_outputs(Path(out), FILES)
     folder = Path(folder) if folder is not None else default_folder()
     found = run_benchmark(folder, Path(test or folder), simulated=shipped_sample(), progress=progress)
     if out is not None:
@@ -153,9 +162,8 @@ def _put_together(
 
 
 def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> list[Path]:
-    """Writes the tables (scores as csv too) and run.json to a folder and returns them; each whole or not."""
+    """Writes the tables (scores as csv too) and run.json to a folder and returns them; all or none."""
     out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
     record = json.dumps({"command": command, **benchmark.record}, indent=2)
     writers: dict[str, Callable[[Path], Any]] = {}
     for name in TABLES:
@@ -163,10 +171,10 @@ def write_benchmark(benchmark: Benchmark, out: Path, *, command: str = "") -> li
         writers[f"{name}.parquet"] = table.write_parquet
         if name.endswith("scores"):
             writers[f"{name}.csv"] = table.write_csv
-    writers["run.json"] = lambda path: path.write_text(record + "\n", encoding="utf-8")
-    for name, write in writers.items():
-        with write_whole(out / name) as partial:
-            write(partial)
+    writers[RECORD] = lambda path: path.write_text(record + "\n", encoding="utf-8")
+    with write_outputs(out) as new:
+        for name, write in writers.items():
+            write(new / name)
     return [out / name for name in writers]
 
 

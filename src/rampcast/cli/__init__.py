@@ -1,5 +1,6 @@
 """The command line. Each command calls public functions; everything heavy is imported when a command runs."""
 
+import errno
 import sys
 
 from rampcast.cli import data, forecasting
@@ -7,6 +8,17 @@ from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.compiled import keep_compiled_programs
 from rampcast.errors import RampcastError
+
+ROOM = "Make room or choose another --out, and call the same command again"
+RIGHTS = "Change its rights, or choose another --out"
+ADVICE = {
+    errno.ENOSPC: ROOM,
+    errno.EDQUOT: ROOM,
+    errno.EFBIG: ROOM,
+    errno.EACCES: RIGHTS,
+    errno.EPERM: RIGHTS,
+    errno.EROFS: RIGHTS,
+}
 
 __all__ = ["app", "data", "forecasting", "main"]
 
@@ -16,6 +28,13 @@ def main() -> None:
     keep_compiled_programs()
     try:
         app()
-    except (RampcastError, OSError) as error:  # an OSError names the path: no such folder, no right to write, disk full
-        terminal.complain(str(error))
+    except (RampcastError, OSError) as error:
+        terminal.complain(_told(error))
         sys.exit(2)
+
+
+def _told(error: Exception) -> str:
+    """Returns what to tell of an error; those of the system name a file, but not what to do."""
+    if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror}. {ADVICE.get(error.errno or 0, '')}".strip()

@@ -23,6 +23,7 @@ from rampcast.cli.options import (
     SiteName,
     SkipBadRows,
     TargetLane,
+    writable_file,
     writable_folder,
 )
 from rampcast.cli.ramp import site_with_ramp
@@ -116,7 +117,9 @@ def site(
     speed_limit: Annotated[float | None, typer.Option("--speed-limit", min=1.0, help="Speed limit \\[m/s].")] = None,
     mirrored: Mirrored = False,
     no_ramp: Annotated[bool, typer.Option("--no-ramp", help="Write a site without a ramp.")] = False,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Picture. Default: OUT with .png.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", callback=writable_file, help="Picture. Default: OUT with .png.")
+    ] = None,
     site: SiteName = None,
     format: FormatName = None,
     mapping: MappingFile = None,
@@ -130,7 +133,7 @@ def site(
     values = RampValues(tuple(ramp_lane or ()), target_lane, gore, ramp_end, merge_zone)
     if no_ramp and values != RampValues():
         raise SiteError("--no-ramp writes a site without a ramp: leave it out, or --ramp-lane and what goes with it")
-    picture = picture or out.with_suffix(".png")
+    picture = picture or _picture_of(out)
     recording = read_road(files, road, Reading(site, format, mapping, skip_bad_rows))
     recording = turned(recording) if mirrored else recording
     if not no_ramp and not values.or_of(recording.site).lanes:
@@ -225,6 +228,20 @@ def simulate(
 def _check_site_name(out: Path) -> None:
     if out.suffix != ".toml":
         raise SiteError(f"--out: a site file's name ends in .toml, got {out}")
+
+
+def _picture_of(out: Path) -> Path:
+    """Returns where the picture of a site file goes if the user names no place.
+
+    Raises:
+        SiteError: another picture is there.
+    """
+    from rampcast.plots.site_picture import is_site_picture
+
+    picture = out.with_suffix(".png")
+    if picture.is_file() and not is_site_picture(picture):
+        raise SiteError(f"{picture}: this is no picture of a site and would be lost; name another with --picture")
+    return picture
 
 
 def _write_draft(recording: "Recording", picture: Path) -> None:

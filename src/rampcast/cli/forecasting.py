@@ -65,7 +65,7 @@ def train(
     """
     from rampcast.forecast.forecaster import ForecasterSpec, fit
     from rampcast.forecast.storage import save
-    from rampcast.models.folder import check_replaceable
+    from rampcast.models.folder import STAGES, check_replaceable
     from rampcast.paper.framework import fit_paper
 
     refuse_without_effect(context, paper=paper, mode=mode)
@@ -74,8 +74,8 @@ def train(
         recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
         model: RecordingForecaster
         if paper is None:
-            kept = out.with_name(f"{out.name}.stages")
-            model = fit(recording, spec=ForecasterSpec(seed=seed), start=started(start), kept=kept, progress=tell)
+            spec, kept = ForecasterSpec(seed=seed), out / STAGES
+            model = fit(recording, spec=spec, start=started(start), kept=kept, progress=tell)
         else:
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)

@@ -1,40 +1,32 @@
 """Arguments and options that several commands share."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rampcast.errors import RampcastError
+from rampcast.files import check_file, check_folder
 
 
 def writable_file(path: Path | None) -> Path | None:
     """Returns a path at which a file can be written, before long work is done for it.
 
     Raises:
-        RampcastError: it is a folder, or nothing can be written there.
+        OutputError: it is a folder, or nothing can be written there.
     """
-    if path is not None and path.is_dir():
-        raise RampcastError(f"{path}: this is a folder; name the file to write, as {path / 'NAME'}")
-    return path if path is None else _checked(path, path.absolute().parent)
+    if path is not None:
+        check_file(path)
+    return path
 
 
 def writable_folder(path: Path | None) -> Path | None:
     """Returns a path at which files can be written into a folder, before long work is done for them.
 
     Raises:
-        RampcastError: it is a file, or nothing can be written there.
+        OutputError: it is a file, or nothing can be written there.
     """
-    return path if path is None else _checked(path, path.absolute())
-
-
-def _checked(path: Path, folder: Path) -> Path:
-    there = next(one for one in (folder, *folder.parents) if one.exists())  # what is missing below will be made
-    if not there.is_dir():
-        raise RampcastError(f"{path}: cannot be written, because {there} is a file and no folder; choose another --out")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise RampcastError(f"{path}: nothing can be written in {there}; choose another --out, or change its rights")
+    if path is not None:
+        check_folder(path)
     return path
 
 

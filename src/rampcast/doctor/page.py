@@ -15,7 +15,7 @@ from rampcast.doctor import figures
 from rampcast.doctor.diagnosis import Diagnosis, RoadDiagnosis
 from rampcast.doctor.distributions import LABELS
 from rampcast.doctor.finding import Finding, Severity
-from rampcast.files import write_whole
+from rampcast.files import write_outputs
 from rampcast.plots import style
 
 PAGE, VALUES, PLACES = "doctor.html", "doctor.json", "findings"
@@ -36,8 +36,7 @@ class Picture:
 def write_diagnosis(diagnosis: Diagnosis, out: Path | str, *, command: str = "") -> Path:
     """Writes doctor.html, doctor.json, findings.parquet and findings.csv into a folder; returns the page's path.
 
-    Other files in the folder stay as they are. All is made before the first file is written, and each is written whole
-    or not at all, the page last.
+    Other files in the folder stay as they are; all are written or none.
 
     Args:
         diagnosis: of one road or several.
@@ -48,13 +47,11 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path | str, *, command: str = "")
     text = json.dumps(diagnosis.to_dict(), indent=2, default=str)
     places = diagnosis.places()
     out = Path(out)
-    with write_whole(out / f"{PLACES}.parquet") as partial:
-        places.write_parquet(partial)
-    with write_whole(out / f"{PLACES}.csv") as partial:
-        places.write_csv(partial, float_precision=4)
-    for name, content in ((VALUES, text), (PAGE, page)):
-        with write_whole(out / name) as partial:
-            partial.write_text(content, encoding="utf-8")
+    with write_outputs(out) as new:
+        places.write_parquet(new / f"{PLACES}.parquet")
+        places.write_csv(new / f"{PLACES}.csv", float_precision=4)
+        for name, content in ((VALUES, text), (PAGE, page)):
+            (new / name).write_text(content, encoding="utf-8")
     return out / PAGE
 
 

@@ -1,10 +1,8 @@
 """Forecasts of a recording part after part, and their files: memory does not grow with the number of moments."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack
 from itertools import chain, islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
@@ -12,7 +10,7 @@ import polars as pl
 from jaxtyping import Int
 
 from rampcast.errors import RecordingError
-from rampcast.files import write_whole
+from rampcast.files import check_outputs, work_folder, write_outputs
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, RecordingForecast
@@ -62,7 +60,7 @@ def scene_parts(
 
 
 def write_forecasts(parts: Iterable[RecordingForecast], folder: Path, *, suffixes: Iterable[str]) -> dict[Path, int]:
-    """Writes the tables of forecasts, each whole or not at all; returns the files with their numbers of rows.
+    """Writes the tables of forecasts, all whole or none; returns the files with their numbers of rows.
 
     Tables of an earlier run in the folder are replaced or taken away.
 
@@ -70,19 +68,20 @@ def write_forecasts(parts: Iterable[RecordingForecast], folder: Path, *, suffixe
         parts: one after the other; each is let go when it is written.
         folder: to write to.
         suffixes: of `WRITERS`, the kinds of files.
+
+    Raises:
+        OutputError: a file of such a name is there that is not of an earlier run.
     """
-    made = iter(parts)
+    names, made = {f"{table}{suffix}" for table in FILES for suffix in WRITERS}, iter(parts)
+    check_outputs(folder, {name for name in names if Path(name).suffix in suffixes})
     first = [*islice(made, 1)]  # what cannot be read or forecast at all leaves no folder
-    folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=folder, prefix=".forecast.", suffix=".partial") as name, ExitStack() as stack:
-        tables = _gathered(chain(first, made), Path(name))
-        files = {folder / f"{table}{suffix}": table for table in tables for suffix in suffixes}
-        for path, table in files.items():
-            WRITERS[path.suffix](tables[table], stack.enter_context(write_whole(path)))
+    with write_outputs(folder, gone=names) as new, work_folder(new) as gathered:
+        tables = _gathered(chain(first, made), gathered)
+        files = {f"{table}{suffix}": table for table in tables for suffix in suffixes}
+        for name, table in files.items():
+            WRITERS[Path(name).suffix](tables[table], new / name)
         rows = {table: int(scan.select(pl.len()).collect().item()) for table, scan in tables.items()}
-    for path in {folder / f"{table}{suffix}" for table in FILES for suffix in WRITERS} - files.keys():
-        path.unlink(missing_ok=True)
-    return {path: rows[table] for path, table in files.items()}
+    return {folder / name: rows[table] for name, table in files.items()}
 
 
 def _gathered(parts: Iterable[RecordingForecast], folder: Path) -> dict[str, pl.LazyFrame]:

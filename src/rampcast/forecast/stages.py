@@ -3,6 +3,7 @@
 import hashlib
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -42,7 +43,7 @@ class Stages:
                 found: Made = load_model(place, self.tags, kind=name.split("-")[0])
                 return found
             except ModelError:  # of another release, or cut off by a full disk: make it again
-                shutil.rmtree(place)
+                pass
         made = make()
         place.parent.mkdir(parents=True, exist_ok=True)
         save_model(made, place, self.tags)
@@ -51,7 +52,9 @@ class Stages:
     def forget(self) -> None:
         """Removes what was kept."""
         if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)
+            shutil.rmtree(self.folder, ignore_errors=True)  # its name is a digest, and all in it was kept here
+            with suppress(OSError):  # those of another training are there
+                self.folder.parent.rmdir()
 
 
 def stages_of(folder: Path | None, tags: Tags, *what: object) -> Stages:

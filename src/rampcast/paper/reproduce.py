@@ -8,6 +8,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -18,8 +19,8 @@ import polars as pl
 
 from rampcast import __version__
 from rampcast.arguments import chosen
-from rampcast.errors import RecordingError
-from rampcast.files import write_table, write_whole
+from rampcast.errors import ModelError, OutputError, RecordingError
+from rampcast.files import check_outputs, sha256_of, write_outputs, write_whole
 from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit
 from rampcast.forecast.protocol import Progress, RecordingForecaster, tell_nobody
@@ -42,7 +43,7 @@ from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm
 from rampcast.paper.protocol import Evaluation, evaluate, run_counts
-from rampcast.paper.report.report import write_report
+from rampcast.paper.report.report import PAGE, write_report
 from rampcast.paper.shared_time import without_shared_time
 from rampcast.paper.tags import TAGS
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
@@ -52,7 +53,8 @@ from rampcast.sites.site import site_to_dict
 
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
 SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
-FINGERPRINTS = "fingerprints"
+FINGERPRINTS, UNFINISHED = "fingerprints", "unfinished"
+RUN, READING, CLEANING = "run.json", "reading.json", "cleaning.json"
 
 T = TypeVar("T")
 
@@ -110,8 +112,10 @@ def reproduce(
 
     Raises:
         RecordingError: a window is missing.
+        OutputError: a file of the user's would be lost.
     """
     out, tell, started = Path(out), progress or tell_nobody, time.perf_counter()
+    check_outputs(out, (PAGE, RUN, READING, CLEANING))
     site = None if site is None else site_of(site)
     recording = _smoothed(files, out, site, chosen(BadRows, bad_rows, name="bad_rows"), tell)
     training = concatenate([_window(recording, name) for name in TRAINING_WINDOWS])
@@ -173,6 +177,7 @@ def score(
 ) -> tuple[Evaluation, Path]:
     """Scores a forecaster on a smoothed recording; writes tables, figures and report.html; returns scores and page."""
     started = time.perf_counter()
+    check_outputs(out, (PAGE, RUN))
     result = evaluate([forecaster], recording, every=every, seed=seed)
     run = _run_record(
         (forecaster.trained_on, forecaster.data_hash),
@@ -185,20 +190,20 @@ def score(
 
 
 def _smoothed(files: Sequence[Path], out: Path, site: Site | None, bad_rows: BadRows, tell: Progress) -> Recording:
-    stamps = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in map(Path, files)]
-    inputs = [stamps, site_to_dict(site) if site else None, bad_rows.value]
+    contents = [(path.name, sha256_of(path)) for path in map(Path, files)]
+    inputs = [contents, site_to_dict(site) if site else None, bad_rows.value]
     path = out / "recording.parquet"
 
     def make() -> Recording:
         recording, report = read_any(files, site=site, bad_rows=bad_rows)
-        with write_whole(out / "reading.json") as partial:
-            partial.write_text(json.dumps({"read": report.to_dict()}, indent=2))
+        with write_outputs(out) as new:
+            (new / READING).write_text(json.dumps({"read": report.to_dict()}, indent=2))
         return recording
 
     tell("read and smooth the recordings", 0, 1)
     smoothed, cleaning = clean(_kept(out, "recording", inputs, path, make, write_recording, read_recording))
-    with write_whole(out / "cleaning.json") as partial:
-        partial.write_text(json.dumps(asdict(cleaning), indent=2))
+    with write_outputs(out) as new:
+        (new / CLEANING).write_text(json.dumps(asdict(cleaning), indent=2))
     tell("read and smooth the recordings", 1, 1)
     return smoothed
 
@@ -286,10 +291,14 @@ def _kept(
     text = json.dumps([__version__, inputs], default=str, sort_keys=True)
     fingerprint = hashlib.sha256(text.encode()).hexdigest()
     mark = folder / FINGERPRINTS / name
+    if path.is_file() and not mark.is_file():
+        raise OutputError(f"{path}: this file is not of an earlier run and would be lost; choose another --out")
     if path.exists() and mark.is_file() and mark.read_text() == fingerprint:
-        return read(path)
-    mark.unlink(missing_ok=True)
+        with suppress(ModelError, RecordingError):  # damaged since: make it again
+            return read(path)
     made = make()
+    with write_whole(mark) as partial:
+        partial.write_text(UNFINISHED)
     write(made, path)
     with write_whole(mark) as partial:
         partial.write_text(fingerprint)
@@ -320,8 +329,10 @@ def _run_record(
 
 def _written(tables: dict[str, pl.DataFrame], run: dict[str, Any], site: Site, out: Path) -> Path:
     """Writes the tidy tables, the run record and the report; returns the report's path."""
-    for name, table in tables.items():
-        write_table(table, out / "tables" / name, csv=True)
-    with write_whole(out / "run.json") as partial:
-        partial.write_text(json.dumps(run, indent=2), encoding="utf-8")
+    with write_outputs(out) as new:
+        (new / "tables").mkdir()
+        for name, table in tables.items():
+            table.write_parquet(new / "tables" / f"{name}.parquet")
+            table.write_csv(new / "tables" / f"{name}.csv")
+        (new / RUN).write_text(json.dumps(run, indent=2), encoding="utf-8")
     return write_report(tables, site=site, run=run, paper=paper_values(), out=out)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
+from rampcast.files import write_whole
 from rampcast.plots import style
 from rampcast.plots.site_geometry import site_geometry
 from rampcast.recording import Recording
@@ -24,6 +25,8 @@ WIDTH = 10.0  # [inch]
 ROAD_HEIGHT = 3.7  # [inch] of the panel along the road
 PLANE_HEIGHT = 3.2  # [inch] of the panel in the plane of the source
 DOTS = 150  # per inch
+MADE_BY = {"Software": "rampcast"}
+HEAD = 1024  # bytes of a png, among which its texts are
 VEHICLES = 150  # drawn at most, a third of them from the ramp
 STEPS = 400  # points of a track at most
 RAMP_COLOR, TARGET_COLOR, NO_LANE_COLOR = style.VERMILLION, style.BLUE, "#B0B0B0"
@@ -35,8 +38,16 @@ BEYOND = 6.0  # [m] the marks of gore and ramp end reach so far beside the lanes
 
 
 def write_site_picture(recording: Recording, path: Path) -> None:
-    """Writes the picture of a recording's site as a png."""
-    site_picture(recording).savefig(path, dpi=DOTS, format="png")
+    """Writes the picture of a recording's site as a png; whole or not at all."""
+    with write_whole(path) as partial:
+        site_picture(recording).savefig(partial, dpi=DOTS, format="png", metadata=MADE_BY)
+
+
+def is_site_picture(path: Path) -> bool:
+    """Returns whether a file was written by `write_site_picture`, and so may be written again."""
+    mark = "\0".join(*MADE_BY.items()).encode()  # as png has its texts
+    with path.open("rb") as file:
+        return mark in file.read(HEAD)
 
 
 @style.styled

@@ -13,7 +13,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rampcast.files import write_whole
+from rampcast.files import write_outputs
 from rampcast.paper.report import figures
 from rampcast.paper.report.claims import claims_table
 from rampcast.paper.report.errata import ERRATA
@@ -41,6 +41,7 @@ LAW_NOTES = {
     "gipps": "The paper does not use this law; it stands here because the paper names it.",
 }
 NOT_RECORDED = "not recorded"
+PAGE = "report.html"
 
 
 def write_report(
@@ -53,7 +54,7 @@ def write_report(
 ) -> Path:
     """Writes report.html, figures/*.svg, figures/*.png and tables/*.csv into a folder; returns the page's path.
 
-    Other files in the folder stay as they are; each file is written whole or not at all, the page last.
+    Other files in the folder stay as they are; all are written or none.
 
     Args:
         tables: the tidy tables by name. Those that are missing are named on the page.
@@ -67,17 +68,17 @@ def write_report(
         RampcastError: a table lacks a column that is drawn.
     """
     known = {name: table for name, table in tables.items() if name in TABLE_NAMES and table.height}
-    drawn = {entry.number: (entry, list(_write_figure(entry, Path(out)))) for entry in _entries(known, site)}
-    listed = {table.number: table for table in _all_tables(known, paper or {})}
-    for table in listed.values():
-        if not table.missing:
-            with write_whole(Path(out) / "tables" / f"table-{table.number}.csv") as partial:
-                table.data.write_csv(partial)
-    page = Path(out) / "report.html"
-    text = _page(site=site, run=run, figures=drawn, tables=listed, known=known)
-    with write_whole(page) as partial:
-        partial.write_text(text, encoding="utf-8")
-    return page
+    with write_outputs(Path(out)) as new:
+        for part in ("figures", "tables"):
+            (new / part).mkdir()
+        drawn = {entry.number: (entry, list(_write_figure(entry, new))) for entry in _entries(known, site)}
+        listed = {table.number: table for table in _all_tables(known, paper or {})}
+        for table in listed.values():
+            if not table.missing:
+                table.data.write_csv(new / "tables" / f"table-{table.number}.csv")
+        text = _page(site=site, run=run, figures=drawn, tables=listed, known=known)
+        (new / PAGE).write_text(text, encoding="utf-8")
+    return Path(out) / PAGE
 
 
 def _entries(tables: Mapping[str, pl.DataFrame], site: Site) -> Iterator[FigureEntry]:
@@ -131,8 +132,7 @@ def _write_drawing(entry: FigureEntry, out: Path) -> dict[str, str]:
     """Copies a drawing that ships with the package; returns what the page needs of it."""
     svg = (resources.files("rampcast.paper.report") / "drawings" / entry.drawing).read_bytes()
     stem = f"figure-{entry.number}"
-    with write_whole(out / "figures" / f"{stem}.svg") as partial:
-        partial.write_bytes(svg)
+    (out / "figures" / f"{stem}.svg").write_bytes(svg)
     width, height = map(float, re.findall(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)[0])  # in points, 72 an inch
     return _embedded(entry, stem, svg, size=(width / 72, height / 72))
 
@@ -148,10 +148,9 @@ def _embedded(
 
 def _save(figure: Figure, folder: Path, stem: str) -> bytes:
     svg = _compact(style.svg_of(figure).decode("utf-8")).encode("utf-8")
-    with write_whole(folder / f"{stem}.svg") as partial:
-        partial.write_bytes(svg)
-    with mpl.rc_context(style.RC), write_whole(folder / f"{stem}.png") as partial:
-        figure.savefig(partial, format="png", dpi=PNG_DPI)
+    (folder / f"{stem}.svg").write_bytes(svg)
+    with mpl.rc_context(style.RC):
+        figure.savefig(folder / f"{stem}.png", format="png", dpi=PNG_DPI)
     return svg
 
 

@@ -4,7 +4,6 @@ Both ways make the same rows; the second never holds more than a few hundred tho
 """
 
 import itertools
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.files import write_whole
+from rampcast.files import naming_faults, work_folder, write_whole
 from rampcast.formats.readers.i24.stream import Batch, kept_ids
 from rampcast.formats.readers.i24.tracks import EAST, ROADS, WEST
 from rampcast.formats.steps.units import FOOT, MILE
@@ -97,9 +96,7 @@ def convert_tracks(
         out: the file to write; of several roads one each, named as `write_recordings` does.
     """
     roads, numbers = _roads(sites, site), itertools.count()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
-        parts = Path(folder)
+    with naming_faults(out), work_folder(out.parent) as parts:
 
         def keep(road: str, rows: pl.DataFrame) -> None:
             (parts / road).mkdir(exist_ok=True)
