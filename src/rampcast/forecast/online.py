@@ -82,11 +82,20 @@ class Online:
         Raises:
             RecordingError: as `Stream.push`.
         """
-        traffic = self._stream.push(time, frame)
+        return self.forecast(self._stream.push(time, frame))
+
+    def forecast(self, traffic: Traffic, *, samples: int | None = None) -> Forecast:
+        """Returns the forecast of traffic that somebody else made of the stream, as `push` does of its own.
+
+        Args:
+            traffic: of the site, newer than what came before.
+            samples: futures of this forecast; None for as many as `Online` was told.
+        """
+        samples = samples or self._samples
         if self.recalibration is None:
-            return forecast_traffic(self._model, traffic, samples=self._samples)
+            return forecast_traffic(self._model, traffic, samples=samples)
         state = _seen(self.recalibration, traffic)
-        forecast = forecast_traffic(self._model, traffic, samples=self._samples, scale=_scale(state.factors))
+        forecast = forecast_traffic(self._model, traffic, samples=samples, scale=_scale(state.factors))
         if state.waits_for(traffic.t0):
             state = state.issued(traffic.t0, forecast.vehicle, _unscaled(forecast, state.factors))
         self.recalibration = state

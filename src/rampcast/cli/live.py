@@ -1,0 +1,131 @@
+"""Commands of the live service."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rampcast.cli import show as terminal
+from rampcast.cli.app import app
+from rampcast.cli.options import AnyModel
+from rampcast.errors import RampcastError
+
+if TYPE_CHECKING:
+    from rampcast.live.service import Source
+    from rampcast.live.station import Station
+
+TOKEN = "RAMPCAST_TOKEN"
+
+
+Sites = Annotated[list[str] | None, typer.Option("--site", help="A site's name or .toml file; may be given again.")]
+Sources = Annotated[
+    list[str] | None, typer.Option("--source", help="A recording to replay. Default: frames come from clients.")
+]
+Speed = Annotated[float, typer.Option("--speed", help="Of a replay: times as quick as it was recorded.")]
+Repeat = Annotated[bool, typer.Option("--repeat", help="Of a replay: begin anew at its end.")]
+Host = Annotated[str, typer.Option("--host", help="Address to listen at.")]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port to listen at; 0 takes one that is free.")]
+TokenFile = Annotated[
+    Path | None, typer.Option("--token-file", help=f"File with the token of clients. Default: {TOKEN}, or none.")
+]
+Certificate = Annotated[Path | None, typer.Option("--certificate", help="Certificate for TLS (.pem).")]
+Key = Annotated[Path | None, typer.Option("--key", help="Its key (.pem).")]
+BehindProxy = Annotated[bool, typer.Option("--behind-proxy", help="A proxy in front of the service does TLS.")]
+Hosts = Annotated[list[str] | None, typer.Option("--allow-host", help="Name under which the service may be asked for.")]
+Origins = Annotated[
+    list[str] | None, typer.Option("--allow-origin", help="Origin of a page elsewhere that may use it.")
+]
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast serve --source recording.parquet --speed 1\n\n"
+    "rampcast serve --site i80 --site us101 --host 0.0.0.0 --token-file token --behind-proxy"
+)
+def serve(
+    site: Sites = None,
+    source: Sources = None,
+    model: AnyModel = None,
+    speed: Speed = 1.0,
+    repeat: Repeat = False,
+    host: Host = "127.0.0.1",
+    port: Port = 8480,
+    token_file: TokenFile = None,
+    certificate: Certificate = None,
+    key: Key = None,
+    behind_proxy: BehindProxy = False,
+    allow_host: Hosts = None,
+    allow_origin: Origins = None,
+) -> None:
+    """Serves forecasts of sites while frames come in, and a page in the browser that shows them.
+
+    Stops at Ctrl-C. Messages and addresses: docs/live-messages.md.
+    """
+    from rampcast.live.serving import Address
+    from rampcast.live.serving import serve as run
+
+    may_ask, may_use = tuple(allow_host or ()), tuple(allow_origin or ())
+    address = Address(host, port, certificate, key, behind_proxy, token_of(token_file), may_ask, may_use)
+    stations, sources = parts_of(site or [], source or [], speed=speed, repeats=repeat)
+    names = ", ".join(one.name for one in stations)
+    run(
+        stations,
+        sources=sources,
+        choices=choices_of(model, replays=bool(sources)),
+        address=address,
+        announce=lambda where: terminal.say(f"serving {names} at {where}"),
+    )
+
+
+def parts_of(
+    sites: list[str], sources: list[str], *, speed: float, repeats: bool
+) -> "tuple[list[Station], list[Source]]":
+    """Returns the sites, and what gives them frames.
+
+    Raises:
+        RampcastError: there is none, or one cannot be read.
+    """
+    from rampcast.live.replay import Replay
+    from rampcast.live.station import Station
+    from rampcast.recording.recording import read_recording
+    from rampcast.sites import load_site
+
+    stations = {one.name: Station(one.name, one) for one in map(load_site, sites)}
+    found: list[Any] = []
+    for source in sources:
+        recording = read_recording(Path(source))
+        name = recording.site.name
+        stations.setdefault(name, Station(name, recording.site))
+        found.append(Replay(recording, name, speed=speed, repeats=repeats))
+    if not stations:
+        raise RampcastError("no site was given: name one with --site, or a recording with --source")
+    return [*stations.values()], found
+
+
+def choices_of(model: Path | None, *, replays: bool) -> Any:
+    """Returns how to forecast; of a recording as `rampcast forecast` does.
+
+    Raises:
+        RampcastError: the model is none that forecasts all vehicles of a moment.
+    """
+    from rampcast.forecast.forecaster import Forecaster
+    from rampcast.forecast.storage import load
+    from rampcast.live.service import Choices
+
+    if model is not None and not isinstance(load(model), Forecaster):
+        raise RampcastError(f"--model {model}: the paper's framework; expected a model of `rampcast train`")
+    return Choices("pretrained" if model is None else str(model.absolute()), recalibrates=not replays)
+
+
+def token_of(file: Path | None) -> str | None:
+    """Returns the token that clients have to know; None for none.
+
+    Raises:
+        RampcastError: its file is empty.
+    """
+    if file is None:
+        return os.environ.get(TOKEN) or None
+    token = file.read_text(encoding="utf-8").strip()
+    if not token:
+        raise RampcastError(f"{file}: no token is in it; write one of 16 letters or more, drawn at random")
+    return token

@@ -1,0 +1,84 @@
+"""Connections of the server: so many at once, none that says nothing, none that takes nothing."""
+
+import asyncio
+import contextlib
+import resource
+import socket
+from typing import Any, Final, cast
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+MOST: Final = 500  # connections at once; each may hold a message of 256 kB
+MOST_OF_ONE: Final = 250  # of one address
+PATIENCE: Final = 10.0  # [s] in which the head of a request has to come
+FAREWELL: Final = 5.0  # [s] that one who was let go has to take what is on its way
+BUFFER: Final = 256 * 1024  # bytes that wait in the kernel for one who is slow
+SPARE_FILES: Final = 256  # descriptors beside those of connections
+
+
+class Connections(H11Protocol):
+    """A connection that is closed where there are too many, or where no request comes."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Takes a connection, or closes it."""
+        super().connection_made(cast(asyncio.Transport, transport))
+        mine = _address(self)
+        same = [_address(one) for one in self.connections].count(mine)
+        if len(self.connections) > MOST or same > MOST_OF_ONE:
+            self.transport.abort()
+            return
+        _bound_buffer(self.transport)
+        self.loop.call_later(PATIENCE, self._look)
+
+    def _look(self) -> None:
+        """Closes a connection on which no request has come; looks again later at one that is kept open."""
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:
+            return
+        waits = self.cycle is None or self.cycle.response_complete
+        if waits and self.timeout_keep_alive_task is None:
+            self.transport.abort()
+            return
+        self.loop.call_later(PATIENCE, self._look)
+
+
+class WebSockets(WebSocketsSansIOProtocol):
+    """A WebSocket whose application can let one go who takes nothing."""
+
+    async def run_asgi(self) -> None:
+        """Runs the application."""
+        cast(dict[str, Any], self.scope)["extensions"]["rampcast.let_go"] = {"call": self.let_go}
+        await super().run_asgi()
+
+    def let_go(self, code: int, reason: str) -> None:
+        """Closes without waiting for what is on its way; after some seconds that is thrown away."""
+        if self.close_sent or self.transport.is_closing():
+            return
+        self.close_sent = True
+        self.conn.send_close(code, reason)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.transport.close()
+        self.loop.call_later(FAREWELL, self.transport.abort)
+
+
+def _address(connection: object) -> str:
+    client = getattr(connection, "client", None)
+    return str(client[0]) if client else ""
+
+
+def _bound_buffer(transport: asyncio.Transport) -> None:
+    transport.set_write_buffer_limits(high=64 * 1024)
+    found = transport.get_extra_info("socket")
+    if found is not None:
+        with contextlib.suppress(OSError):
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+
+
+def allow_files() -> None:
+    """Lets the process have as many descriptors as its connections need, where it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST + SPARE_FILES
+    if soft < wanted:
+        resource.setrlimit(
+            resource.RLIMIT_NOFILE, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
+        )

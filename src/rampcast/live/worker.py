@@ -1,0 +1,172 @@
+"""The process that forecasts: takes the newest snapshot of each site in turn, and gives messages back.
+
+It is started by `supervisor`, as `python -m rampcast.live.worker`, with two descriptors: the shared memory, and a
+socket over which it is told that there is something new, and over which it answers. It ends when that is closed.
+"""
+
+import os
+import select
+import socket
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from rampcast.forecast.forecaster import Forecaster
+from rampcast.forecast.storage import load
+from rampcast.live.frames import VERSION
+from rampcast.live.newest import Newest
+from rampcast.live.tick import Tick
+from rampcast.live.tracks import Snapshot
+from rampcast.sites import Site
+from rampcast.sites.site import NO_LANE, site_from_dict
+from rampcast.threads import choosing_threads
+from rampcast.traffic.moments import Rows
+
+SIZE: Final = struct.Struct("<I")  # before each answer
+POLITE: Final = 5  # by which it gives way to the process that takes frames in and serves viewers
+
+
+class WorkerSite(msgspec.Struct):
+    """A site that the process forecasts."""
+
+    name: str
+    site: dict[str, Any]
+    model: str
+    recalibrates: bool
+    degrades: bool
+
+
+class Work(msgspec.Struct):
+    """All that the process is told at its beginning."""
+
+    sites: list[WorkerSite]
+    threads: int | None = None
+
+
+class Answer(msgspec.Struct):
+    """What the process gives back.
+
+    Attributes:
+        kind: "ready", "forecast" or "failed".
+        site: place of the site in the list.
+        json, binary: the message.
+        note: seq, epoch, t_obs_ms and t_in_ms of the frame that it is of.
+        took: [s].
+        risks: see `tick.risks`.
+        degraded: what is left out.
+        text: of a failure.
+    """
+
+    kind: str
+    site: int = 0
+    json: bytes = b""
+    binary: bytes = b""
+    note: dict[str, Any] = {}
+    took: float = 0.0
+    risks: list[Any] = []
+    degraded: str | None = None
+    text: str = ""
+
+
+def main(memory: int, descriptor: int) -> None:
+    """Forecasts until the socket is closed."""
+    os.nice(POLITE)
+    line = socket.socket(fileno=descriptor)
+    work = msgspec.msgpack.decode(_exactly(line, SIZE.unpack(_exactly(line, SIZE.size))[0]), type=Work)
+    newest = Newest(memory, len(work.sites))
+    with choosing_threads(work.threads):
+        ticks = [_tick(site) for site in work.sites]
+        for tick in ticks:
+            warm(tick)
+        _answer(line, Answer("ready"))
+        _forecast_for_ever(line, newest, ticks)
+
+
+def _tick(site: WorkerSite) -> Tick:
+    forecaster = load(site.model if site.model == "pretrained" else Path(site.model))
+    assert isinstance(forecaster, Forecaster)  # `serve` has looked
+    tick = Tick(site.name, site_from_dict(site.site), forecaster, site.recalibrates)
+    tick.degrading.is_on = site.degrades
+    return tick
+
+
+def _forecast_for_ever(line: socket.socket, newest: Newest, ticks: list[Tick]) -> None:
+    done, again = [0] * len(ticks), [0.0] * len(ticks)
+    while True:
+        waiting = [place for place in range(len(ticks)) if newest.count(place) != done[place]]
+        now = time.monotonic()
+        due = [place for place in waiting if again[place] <= now]
+        pause = None if not waiting else max(min(again[place] for place in waiting) - now, 0.0)
+        if select.select([line], [], [], 0.0 if due else pause)[0] and not line.recv(4096):
+            return
+        for place in due:
+            found = newest.read(place)
+            if found is None:
+                continue
+            done[place], snapshot, note = found
+            again[place] = now + ticks[place].degrading.pause
+            _answer(line, _forecast(place, ticks[place], snapshot, note))
+
+
+def _forecast(place: int, tick: Tick, snapshot: Snapshot, note: dict[str, Any]) -> Answer:
+    try:
+        message, kept = tick.forecast(snapshot, note)
+    except Exception as error:  # one moment that cannot be forecast is no reason to stop
+        return Answer("failed", place, note=note, text=f"{type(error).__name__}: {error}")
+    tick.degrading.published(time.time() - note["t_in_ms"] / 1e3)
+    return Answer(
+        "forecast", place, message.json, message.binary, note, kept["took"], kept["risks"], tick.degrading.told
+    )
+
+
+def warm(tick: Tick) -> None:
+    """Forecasts made-up traffic, so that the first real forecast waits for no compiler."""
+    note = {"seq": 0, "epoch": -1, "t_obs_ms": 0.0, "t_in_ms": 1e3 * time.time(), "v": VERSION}
+    tick.forecast(_made_up(tick.site), note)
+
+
+def _made_up(site: Site) -> Snapshot:
+    """Returns three vehicles that drive at 10 m/s for a second, where the site has a ramp two of them beside it."""
+    ramp = site.ramp_lanes or (site.lanes[0].number,)
+    target = site.target_lane if site.target_lane != NO_LANE else site.lanes[0].number
+    begin = site.gore if site.has_ramp else 0.2 * site.length
+    lane = np.repeat([ramp[0], target, target], 11)
+    since = np.tile(np.arange(11) / 10, 3)
+    rows = Rows(
+        vehicle=np.repeat([1, 2, 3], 11),
+        time=since,
+        x=np.repeat([begin, begin + 20.0, begin - 20.0], 11) + 10.0 * since,
+        y=np.array([site.lane_centre(int(one)) for one in lane]),
+        lane=lane,
+        length=np.full(33, 4.5),
+        width=np.full(33, 1.8),
+        kind=np.full(33, 1),
+    )
+    return Snapshot(rows, 1.0, {})
+
+
+def _exactly(line: socket.socket, size: int) -> bytes:
+    parts = b""
+    while len(parts) < size:
+        part = line.recv(size - len(parts))
+        if not part:
+            sys.exit(0)
+        parts += part
+    return parts
+
+
+def _answer(line: socket.socket, answer: Answer) -> None:
+    body = msgspec.msgpack.encode(answer)
+    try:
+        line.sendall(SIZE.pack(len(body)) + body)
+    except (BrokenPipeError, ConnectionResetError):
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
