@@ -72,3 +72,10 @@ def test_a_recording_without_rows_is_drawn(recording, tmp_path):
     empty = replace(recording, tracks=recording.tracks.head(0))
     write_site_picture(empty, tmp_path / "empty.png")
     assert (tmp_path / "empty.png").stat().st_size > 10_000
+
+
+def test_a_road_of_one_lane_is_drawn(recording):
+    site = without_ramp(recording.site)
+    alone = replace(site, lanes=site.lanes[:1])
+    tracks = recording.tracks.with_columns(pl.lit(alone.lanes[0].number, pl.Int16).alias(c.LANE))
+    assert "1" in words(site_picture(replace(recording, site=alone, tracks=tracks)))

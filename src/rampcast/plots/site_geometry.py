@@ -64,9 +64,9 @@ def _mark_merge_zone(ax: Axes, zone: tuple[float, float], bottom: float, top: fl
 
 def _edges(site: Site) -> dict[int, tuple[float, float]]:
     centres = sorted({lane.centre for lane in site.lanes})
-    widths = np.diff(centres) if len(centres) > 1 else np.array([LANE_WIDTH])
-    widths = np.minimum(widths, WIDEST)  # lanes that are farther apart have something between them
-    sides = zip(centres, [widths[0], *widths], [*widths, widths[-1]], strict=True)
+    widths = np.minimum(np.diff(centres), WIDEST)  # lanes that are farther apart have something between them
+    first, last = (widths[0], widths[-1]) if len(widths) else (LANE_WIDTH, LANE_WIDTH)
+    sides = zip(centres, [first, *widths], [*widths, last], strict=True)
     bounds = {centre: (centre - below / 2, centre + above / 2) for centre, below, above in sides}
     return {lane.number: bounds[lane.centre] for lane in site.lanes}
 

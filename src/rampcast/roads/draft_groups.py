@@ -22,7 +22,7 @@ def group_tracks(sample: Sample) -> Int[np.ndarray, "track"]:
     """
     track, middle, along = _stretches(sample)
     extent = sample.extent
-    free = extent >= HARDLY
+    free = extent >= min(HARDLY, max(float(extent.max(initial=0.0)) / 2, LONG))  # in a short clip all come not far
     road = np.full(sample.size, NONE)
     for number in range(SEEDS):
         if not free.any():

@@ -14,6 +14,8 @@ CELL = 5.0  # [m] a vehicle counts once in so much of its way: one that stands t
 BIN = 0.1  # [m] of the density of lateral positions
 BLUR = 0.4  # [m] standard deviation of the density's smoothing; drivers keep their lane to about so much
 RARE = 0.01  # of the highest peak: a lower one is no lane
+STEEP = 0.15  # [m] aside for a metre of way: a ramp at 10 degrees is beside the road, one at 20 degrees is not yet
+SWAYS = 0.3  # [m] that a vehicle moves aside between two points without leaving its place
 DEPTH = 0.3  # of its own height that a peak must stand above the ground between it and its neighbours
 
 
@@ -51,7 +53,8 @@ def lanes_by_place(
     track: Int[np.ndarray, "point"], x: Float[np.ndarray, "point"], y: Float[np.ndarray, "point"]
 ) -> tuple[Lane, ...]:
     """Returns the lanes of a road whose source has none: the peaks of the density of lateral positions [m]."""
-    passes = pl.DataFrame({"track": track, "cell": np.floor(x / CELL).astype(np.int64), "y": y})
+    keeps = _keep_place(track, x, y)
+    passes = pl.DataFrame({"track": track, "cell": np.floor(x / CELL).astype(np.int64), "y": y}).filter(keeps)
     lateral = passes.unique(["track", "cell"], keep="first", maintain_order=True)["y"].to_numpy()
     low = float(lateral.min()) - BAND
     bins = int((float(lateral.max()) + BAND - low) / BIN) + 1
@@ -63,6 +66,21 @@ def lanes_by_place(
     peaks = peaks[properties["prominences"] >= DEPTH * properties["peak_heights"]]
     centres = np.array([_middle_near(lateral, low + (peak + 0.5) * BIN) for peak in peaks])
     return _numbered(centres[::-1], [()] * len(centres))
+
+
+def _keep_place(
+    track: Int[np.ndarray, "point"], x: Float[np.ndarray, "point"], y: Float[np.ndarray, "point"]
+) -> pl.Series:
+    """Returns which points are of vehicles that drive along the road there: a ramp that nears it is no lane."""
+    keeps, knows = np.zeros((2, len(track)), bool)
+    for offset in (1, 2):  # the first two points of a track may lie close together, and tell nothing
+        same = track[offset:] == track[:-offset]
+        far = same & (np.hypot(x[offset:] - x[:-offset], y[offset:] - y[:-offset]) >= SWAYS / STEEP)
+        ahead = far & (np.abs(y[offset:] - y[:-offset]) <= STEEP * (x[offset:] - x[:-offset]) + SWAYS)
+        for part in (slice(None, -offset), slice(offset, None)):
+            keeps[part] |= ahead
+            knows[part] |= far
+    return pl.Series(keeps | ~knows if keeps.any() else np.ones(len(track), bool))
 
 
 def _middle_near(lateral: Float[np.ndarray, "pass"], peak: float) -> float:

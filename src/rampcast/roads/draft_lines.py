@@ -7,7 +7,8 @@ from scipy.signal import savgol_filter
 
 from rampcast.errors import SiteError
 from rampcast.recording import columns as c
-from rampcast.roads.draft_points import Sample
+from rampcast.roads.draft_leader import SMOOTHER, Way, leader_of, spread_candidates
+from rampcast.roads.draft_points import HARDLY, Sample
 from rampcast.roads.plane import PX, PY, Plane
 from rampcast.roads.reference import ReferenceLine, along_road, in_plane, reference_line
 
@@ -17,7 +18,8 @@ STEP = 2.0  # [m] between the points of a path before it is smoothed: above the 
 WINDOW = 60.0  # [m] over which a path is smoothed: two seconds at motorway speed, below any curve's length
 SPACING = 5.0  # [m] between the points of a drafted line; a curve of 50 m radius leaves its chord by 6 cm
 STRAIGHT = 0.3  # [m] a path that leaves a straight line by less is one: so far does a driver who keeps the lane
-COVERS = 0.8  # of the longest track's way: tracks that cover less are not proposed as reference line
+COVERS = 0.8  # of the leading track's way: tracks that cover less are not proposed as reference line
+CREEPS = 0.5  # [m] a vehicle that came less far tells no direction: so large may the noise of a position be
 ALIKE = 0.25  # of the tracks keep their lane, at least
 CANDIDATES = 60  # tracks that are compared with each other
 PLACE = 5.0  # [m] between the places at which they are compared
@@ -39,20 +41,32 @@ def draft_line(plane: Plane, sample: Sample, chosen: Bool[np.ndarray, "track"]) 
     points = sample.of_tracks(chosen)
     px, py = sample.px[points], sample.py[points]
     extent = np.where(chosen, sample.extent, -1.0)
-    longest = int(extent.argmax())
-    if extent[longest] < STEP:
-        return _extended(_axis(px, py), px, py)
-    first = reference_line(_path(plane, sample, longest))
+    if extent.max() < HARDLY:
+        return _extended(_axis(sample.track[points], px, py), px, py)
+    leader = _leader(sample, extent)
+    first = reference_line(_path(plane, sample, leader))
     x, y = along_road(first, px, py)
     places = np.linspace(x.min(), x.max(), min(max(round(float(np.ptp(x)) / PLACE), 2), MOST_PLACES))
-    places, lateral = _middle(first, places, _covering(sample.track[points], x, y, places))
+    span = float(np.ptp(x[sample.track[points] == leader]))
+    places, lateral = _middle(first, places, _covering(sample.track[points], x, y, places, span))
     way = np.stack(in_plane(first, places, lateral), axis=1)
     return _extended(_simplified(_smooth(way)), px, py)
 
 
-def _axis(px: Float[np.ndarray, "point"], py: Float[np.ndarray, "point"]) -> Float[np.ndarray, "end 2"]:
-    """Returns a line through vehicles that stand, along which they are spread the most, towards growing x."""
+def _axis(
+    track: Int[np.ndarray, "point"], px: Float[np.ndarray, "point"], py: Float[np.ndarray, "point"]
+) -> Float[np.ndarray, "end 2"]:
+    """Returns a straight line through vehicles that hardly move: their way, else along which they are spread the most.
+
+    Where nothing moves it leads towards growing x.
+    """
     middle = np.array([px.mean(), py.mean()])
+    starts = np.flatnonzero(np.r_[True, np.diff(track) > 0])
+    ends = np.r_[starts[1:], len(track)] - 1
+    ways = np.stack([px[ends] - px[starts], py[ends] - py[starts]], axis=1)
+    way = ways[np.hypot(*ways.T) >= CREEPS].sum(axis=0)
+    if (length := float(np.hypot(*way))) > 0:
+        return np.stack([middle - way / length / 2, middle + way / length / 2])
     spread = np.cov(px - middle[0], py - middle[1]) if len(px) > 1 else np.zeros((2, 2))
     values, vectors = np.linalg.eigh(spread)
     along = vectors[:, 1] if values[1] > 0 else np.array([1.0, 0.0])
@@ -60,18 +74,33 @@ def _axis(px: Float[np.ndarray, "point"], py: Float[np.ndarray, "point"]) -> Flo
     return np.stack([middle - forward / 2, middle + forward / 2])
 
 
+def _leader(sample: Sample, extent: Float[np.ndarray, "track"]) -> int:
+    """Returns the track whose way is nearest to that of the road, from how far apart the corners of each are [m]."""
+    candidates = spread_candidates(extent)
+    first = np.searchsorted(sample.track, candidates)
+    last = np.searchsorted(sample.track, candidates, side="right")
+    points = np.stack([sample.px, sample.py], axis=1)
+    ways = [Way(_smooth(_thinned(points[start:end])), STEP) for start, end in zip(first, last, strict=True)]
+    return int(candidates[leader_of(ways)])
+
+
 def _path(plane: Plane, sample: Sample, track: int) -> Points:
     """Returns the way of one vehicle, at equal steps and smoothed."""
     recording, vehicle = sample.tracks.row(track)
     is_it = (pl.col(c.VEHICLE) == vehicle) & (pl.col(c.RECORDING).cast(pl.String) == str(recording))
     way = plane.rows.lazy().filter(is_it).sort(c.FRAME).select(PX, PY).collect().to_numpy()
+    return _smooth(_thinned(way))
+
+
+def _thinned(way: Points) -> Float[np.ndarray, "kept 2"]:
+    """Returns the points of a way that lie a step or more behind the one before."""
     kept = [way[0]]
     for place in way[1:]:
         if np.hypot(*(place - kept[-1])) >= STEP:
             kept.append(place)
     if len(kept) == 1:
         kept.append(way[np.hypot(*(way - way[0]).T).argmax()])
-    return _smooth(np.array(kept))
+    return np.array(kept)
 
 
 def _smooth(way: Points) -> Float[np.ndarray, "step 2"]:
@@ -96,11 +125,15 @@ def _covering(
     x: Float[np.ndarray, "point"],
     y: Float[np.ndarray, "point"],
     places: Float[np.ndarray, "place"],
+    most: float,
 ) -> Float[np.ndarray, "some place"]:
-    """Returns the lateral position [m] at the places of some tracks that cover most of the road; NaN beyond a track."""
+    """Returns the lateral position [m] at the places of some tracks that cover most of the road; NaN beyond a track.
+
+    The road is as long as the leader's way [m].
+    """
     starts = np.flatnonzero(np.r_[True, np.diff(track) > 0])
     span = np.maximum.reduceat(x, starts) - np.minimum.reduceat(x, starts)
-    covering = np.flatnonzero(span >= COVERS * span.max())
+    covering = np.flatnonzero(span >= COVERS * most)
     covering = covering[np.linspace(0, len(covering) - 1, min(len(covering), CANDIDATES)).round().astype(int)]
     parts = [slice(starts[i], starts[i + 1] if i + 1 < len(starts) else len(x)) for i in covering]
     return np.stack([_at_places(x[part], y[part], places) for part in parts])
@@ -116,7 +149,8 @@ def _middle(
     half, moved beside it, is averaged: drivers sway in their lanes.
     """
     rough = np.array([_roughness(first, places, track) for track in lateral])
-    lateral = lateral[rough <= np.quantile(rough, ALIKE, method="higher")]
+    leading = Way(first.points, first.spacing).roughness() / SMOOTHER  # of few tracks a quarter may hold a ramp's
+    lateral = lateral[rough <= max(min(np.quantile(rough, ALIKE, method="higher"), leading), rough.min())]
     apart = lateral - lateral[:, None]
     both = np.isfinite(apart)
     count = both.sum(axis=2)
@@ -138,9 +172,7 @@ def _roughness(first: ReferenceLine, places: Float[np.ndarray, "place"], lateral
     known = np.isfinite(lateral)
     if known.sum() < 2:
         return np.inf
-    way = _smooth(np.stack(in_plane(first, places[known], lateral[known]), axis=1))
-    heading = np.unwrap(np.arctan2(*np.diff(way, axis=0).T[::-1]))
-    return float(np.abs(np.diff(heading, n=2)).mean()) if len(heading) > 2 else 0.0
+    return Way(_smooth(np.stack(in_plane(first, places[known], lateral[known]), axis=1)), STEP).roughness()
 
 
 def _at_places(

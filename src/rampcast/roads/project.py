@@ -14,9 +14,10 @@ from jaxtyping import Bool, Float, Int
 from rampcast.errors import FormatError, SiteError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.order import is_sorted, sorted_unique, track_starts
+from rampcast.recording.order import is_sorted, sorted_unique
 from rampcast.recording.reading import ReadReport
 from rampcast.recording.translation import translated
+from rampcast.roads.courses import ALONG, ASIDE, courses, upstream
 from rampcast.roads.draft import Draft, draft_roads
 from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane
 from rampcast.roads.reference import BLOCK, along_road, reference_line
@@ -24,7 +25,6 @@ from rampcast.sites import Lane, Site
 from rampcast.sites.site import LANE_WIDTH, NO_LANE
 
 BESIDE = 1.0  # lane widths beside the outer lanes' centres at which a vehicle is still on this road
-BACKWARDS = 20.0  # [m] upstream between a vehicle's first and last row; a driver who reverses on a ramp goes less
 BEYOND = 50.0  # [m] before x = 0 and beyond the site's length that are still read
 
 
@@ -86,8 +86,7 @@ def on_road(plane: Plane, site: Site, *, beside: float) -> tuple[Recording, Read
     y = -y if site.mirrored else y
     lane, is_here = _lanes(rows[c.LANE], y, site.lanes, beside=beside)
     is_here &= (x >= -BEYOND) & (x <= site.length + BEYOND)
-    if math.isfinite(beside):  # a draft has chosen its rows; both carriageways may name their lanes alike
-        is_here &= ~(_is_against(rows, x) if is_unique else _is_against_unsorted(rows, x))
+    is_here &= _keeps_course(plane, rows, (px, py), (x, y), lane, is_draft=math.isinf(beside))
     optional = [name for name in c.OPTIONAL_SCHEMA if rows[name].null_count() < rows.height]
     rows = rows.with_columns(pl.Series(c.X, x), pl.Series(c.Y, y), pl.Series(c.LANE, lane, dtype=pl.Int16))
     rows = rows.select(*c.SCHEMA, *optional)
@@ -97,6 +96,28 @@ def on_road(plane: Plane, site: Site, *, beside: float) -> tuple[Recording, Read
     outside = int((tracks[c.LANE] == NO_LANE).sum())
     counts = ReadReport((), (), 0, duplicates=duplicates, conflicting_duplicates=conflicts, rows_without_lane=outside)
     return Recording(tracks=tracks, site=site, time_step=plane.time_step, source=plane.source), counts
+
+
+def _keeps_course(
+    plane: Plane,
+    rows: pl.DataFrame,
+    place: tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]],
+    along: tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]],
+    lane: Int[np.ndarray, "row"],
+    *,
+    is_draft: bool,
+) -> Bool[np.ndarray, "row"]:
+    """Returns whether a row's vehicle drives along the road: it is on no bridge over it, and not on the way back.
+
+    A lane that the source names counts more than the course; but both carriageways may name their lanes alike. A draft
+    has chosen its vehicles; of them a loop of a ramp leads back beside the road.
+    """
+    is_named = rows[c.LANE].is_not_null().to_numpy()
+    if is_named.all():
+        return np.ones(rows.height, bool) if is_draft else ~upstream(rows, along[0])
+    course = courses(rows, place, *along, time_step=plane.time_step)
+    keeps = is_named | (course != ASIDE)
+    return keeps & ((course == ALONG) | is_named | (lane != NO_LANE)) if is_draft else keeps & ~upstream(rows, along[0])
 
 
 def _of_lanes(rows: pl.DataFrame, lanes: Sequence[Lane]) -> pl.DataFrame:
@@ -112,30 +133,6 @@ def _of_lanes(rows: pl.DataFrame, lanes: Sequence[Lane]) -> pl.DataFrame:
     if rows[c.LANE].null_count() == rows[SOURCE_LANE].null_count():
         return rows
     return rows.filter(pl.col(c.LANE).is_not_null() | pl.col(SOURCE_LANE).is_null())
-
-
-def _is_against(rows: pl.DataFrame, x: Float[np.ndarray, "row"]) -> Bool[np.ndarray, "row"]:
-    """Returns whether a row's vehicle drives upstream: it is on the opposite carriageway, maybe right beside this.
-
-    The rows are sorted by part, vehicle and frame.
-    """
-    if rows.is_empty():
-        return np.zeros(0, bool)
-    starts = track_starts(rows, slice(None))
-    behind = np.r_[starts[1:], len(x)]
-    return np.repeat(x[behind - 1] - x[starts] < -BACKWARDS, behind - starts)
-
-
-def _is_against_unsorted(rows: pl.DataFrame, x: Float[np.ndarray, "row"]) -> Bool[np.ndarray, "row"]:
-    """Returns what `_is_against` does of rows in any order."""
-    key = (c.RECORDING, c.VEHICLE)
-    places = rows.select(*key, c.FRAME, pl.Series(c.X, x))
-    way = pl.col(c.X).get(pl.col(c.FRAME).arg_max()) - pl.col(c.X).get(pl.col(c.FRAME).arg_min())
-    against = places.group_by(key).agg(way).filter(pl.col(c.X) < -BACKWARDS).select(*key)
-    if against.is_empty():
-        return np.zeros(rows.height, bool)
-    marked = rows.select(key).join(against.with_columns(is_against=True), on=key, how="left", maintain_order="left")
-    return marked["is_against"].fill_null(False).to_numpy()
 
 
 def _with_names(rows: pl.DataFrame, site: str) -> pl.DataFrame:

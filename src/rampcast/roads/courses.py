@@ -1,0 +1,91 @@
+"""Courses of vehicles across a road: who drives over or under it, and where a projection onto its line is senseless."""
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+
+from rampcast.recording.order import in_order, track_starts
+from rampcast.sites.site import LANE_WIDTH
+
+AROUND = 0.5  # [s] before and after a moment between which its course is taken: a lane change takes 3 s and more
+MOVED = 2.0  # [m] in that time at which a course is known: noise of a decimetre turns it by several degrees only
+STEEPEST = 0.5  # of the way that must lead along the road: a ramp joins at less than 60 degrees
+STRETCHED = 2.0  # times the way that may lead along it: beyond, the foot of the perpendicular jumps
+CROSSED = 1.5 * LANE_WIDTH  # [m] aside that no change of lane is, even one that a simulator makes in a step
+BACKWARDS = 20.0  # [m] upstream between first and last row; a driver who reverses on a ramp goes less
+ALWAYS_BACK = 5.0  # [m] likewise, of who never drives the other way
+ASIDE, ALONG, BACK = 0, 1, -1
+
+Row = Float[np.ndarray, "row"]
+Course = Int[np.ndarray, "row"]
+
+
+def courses(rows: pl.DataFrame, place: tuple[Row, Row], x: Row, y: Row, *, time_step: float) -> Course:
+    """Returns of each row whether its vehicle drives along the road, back along it, or aside: across it, or beyond it.
+
+    Args:
+        rows: recording, vehicle and frame, in any order.
+        place: positions in the plane [m].
+        x: positions along the road [m].
+        y: to the left of its line [m].
+        time_step: time between two frames [s].
+    """
+    if rows.is_empty():
+        return np.zeros(0, np.int64)
+    order = in_order(rows)
+    starts = track_starts(rows, order)
+    ends = np.r_[starts[1:], len(order)]
+    first, last = (np.repeat(edge, ends - starts) for edge in (starts, ends - 1))
+    points = np.stack([*place, x, y])[:, order]
+    at, around = np.arange(len(order)), max(round(AROUND / time_step), 1)
+    behind, ahead = np.maximum(at - around, first), np.minimum(at + around, last)
+    dx, moved = _way(points, behind, ahead)
+    chord_dx, chord = _way(points, first, last)
+    is_known = moved >= MOVED
+    course = _course(np.where(is_known, dx, chord_dx), np.where(is_known, moved, chord))
+    course[~is_known & (chord < MOVED)] = ALONG  # who stands may stand in a queue
+    course = _only_crossings(course, points[3], starts)
+    back = np.empty(len(order), np.int64)
+    back[order] = course
+    return back
+
+
+def upstream(rows: pl.DataFrame, x: Row) -> Bool[np.ndarray, "row"]:
+    """Returns whether a row's vehicle drives upstream: it is on the opposite carriageway, maybe right beside this.
+
+    Args:
+        rows: recording, vehicle and frame, in any order.
+        x: positions along the road [m].
+    """
+    if rows.is_empty():
+        return np.zeros(0, bool)
+    order = in_order(rows)
+    starts = track_starts(rows, order)
+    ends, place = np.r_[starts[1:], len(order)], x[order]
+    came = place[ends - 1] - place[starts]
+    forward = np.maximum.reduceat(place, starts) - place[starts]
+    is_against = (came < -BACKWARDS) | ((came < -ALWAYS_BACK) & (forward < MOVED / 2))
+    found = np.empty(len(order), bool)
+    found[order] = np.repeat(is_against, ends - starts)
+    return found
+
+
+def _way(points: Float[np.ndarray, "4 row"], behind: Course, ahead: Course) -> tuple[Row, Row]:
+    """Returns how far vehicles come along the road, and in the plane [m]."""
+    px, py, x, _ = points[:, ahead] - points[:, behind]
+    return x, np.hypot(px, py)
+
+
+def _course(dx: Row, moved: Row) -> Course:
+    is_straight = (np.abs(dx) >= STEEPEST * moved) & (np.abs(dx) <= STRETCHED * moved)
+    return np.where(is_straight, np.where(dx > 0, ALONG, BACK), ASIDE)
+
+
+def _only_crossings(course: Course, y: Row, starts: Int[np.ndarray, "track"]) -> Course:
+    """Returns the courses but for short ones aside: a simulator changes lanes in a step, a tracker trembles."""
+    begins = np.r_[True, course[1:] != course[:-1]]
+    begins[starts] = True
+    runs = np.flatnonzero(begins)
+    aside = np.maximum.reduceat(y, runs) - np.minimum.reduceat(y, runs)
+    keeps = (course[runs] != ASIDE) | (aside > CROSSED)
+    return np.where(np.repeat(keeps, np.diff(np.r_[runs, len(course)])), course, ALONG)
