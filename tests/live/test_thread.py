@@ -4,80 +4,21 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 
+import polars as pl
 import pytest
-from websockets.sync.client import connect
 
 import rampcast as rc
 from rampcast.recording.recording import write_recording
-
-RUN = "import sys; from rampcast.cli import main; sys.argv[0] = 'rampcast'; main()"
-WARM = 120.0  # [s] of patience with a machine that is busy and compiles
-
-
-class Running:
-    """A service in a process of its own."""
-
-    def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "-c", RUN, "serve", "--port", "0", *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.events: list[dict] = []
-        event = self.wait_for("listening")
-        self.address = event["address"]
-
-    def wait_for(self, name: str) -> dict:
-        for line in self.process.stderr:
-            if line.startswith("{"):
-                self.events.append(json.loads(line))
-                if self.events[-1]["event"] == name:
-                    return self.events[-1]
-        raise AssertionError(f"the service ended: {self.events} {self.process.stdout.read()}")
-
-    def get(self, path: str) -> dict:
-        with urllib.request.urlopen(self.address + path, timeout=10) as answer:
-            return json.load(answer)
-
-    def status(self, path: str, **asked) -> int:
-        try:
-            with urllib.request.urlopen(urllib.request.Request(self.address + path, **asked), timeout=10) as answer:
-                return answer.status
-        except urllib.error.HTTPError as error:
-            error.close()
-            return error.code
-
-    def post(self, path: str, value: object) -> dict:
-        request = urllib.request.Request(self.address + path, json.dumps(value).encode(), method="POST")
-        with urllib.request.urlopen(request, timeout=10) as answer:
-            return json.load(answer)
-
-    def live(self, **asked):
-        return connect(self.address.replace("http", "ws") + "/v1/sites/simulated/live", **asked)
-
-    def stop(self) -> None:
-        self.process.send_signal(signal.SIGINT)
-        self.process.wait(20)
-        self.process.stdout.close()
-        self.process.stderr.close()
-
-
-def next_of(socket, kind: str, ready=lambda message: True) -> dict:
-    deadline = time.monotonic() + WARM
-    while time.monotonic() < deadline:
-        message = json.loads(socket.recv(timeout=WARM))
-        if message["type"] == kind and ready(message):
-            return message
-    raise AssertionError(f"no {kind} came")
+from tests.live.running import WARM, Running, next_of
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory) -> Iterator[Running]:
     raw = rc.read(rc.shipped_sample()[0])
-    few = raw.tracks.filter((rc_frame() >= 600) & (rc_frame() < 1500) & (rc_vehicle() % 4 == 0))
+    few = raw.tracks.filter((pl.col("frame") >= 600) & (pl.col("frame") < 1500) & (pl.col("vehicle") % 4 == 0))
     path = tmp_path_factory.mktemp("live") / "few.parquet"
     write_recording(type(raw)(few, raw.site, raw.time_step, raw.source), path)
     service = Running("--source", str(path), "--repeat")
@@ -85,18 +26,6 @@ def running(tmp_path_factory) -> Iterator[Running]:
     service.wait_for("forecaster_ready")
     yield service
     service.stop()
-
-
-def rc_frame():
-    import polars as pl
-
-    return pl.col("frame")
-
-
-def rc_vehicle():
-    import polars as pl
-
-    return pl.col("vehicle")
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,15 +12,23 @@ from rampcast.cli.options import AnyModel
 from rampcast.errors import RampcastError
 
 if TYPE_CHECKING:
-    from rampcast.live.service import Source
+    from rampcast.live.service import Choices, Source
     from rampcast.live.station import Station
 
-TOKEN = "RAMPCAST_TOKEN"
+TOKEN = "RAMPCAST_TOKEN"  # as in rampcast.live.guard, which is not imported for the help
 
 
 Sites = Annotated[list[str] | None, typer.Option("--site", help="A site's name or .toml file; may be given again.")]
 Sources = Annotated[
-    list[str] | None, typer.Option("--source", help="A recording to replay. Default: frames come from clients.")
+    list[str] | None,
+    typer.Option(
+        "--source",
+        help="A recording, udp://HOST:PORT, mqtt://HOST/PREFIX, sumo://SITE, or - (lines); clients may always.",
+    ),
+]
+Origin = Annotated[
+    list[str] | None,
+    typer.Option("--origin", metavar="LAT,LON", help="Where (0, 0) of the site's plane lies; SITE=LAT,LON of several."),
 ]
 Speed = Annotated[float, typer.Option("--speed", help="Of a replay: times as quick as it was recorded.")]
 Repeat = Annotated[bool, typer.Option("--repeat", help="Of a replay: begin anew at its end.")]
@@ -45,6 +53,7 @@ Origins = Annotated[
 def serve(
     site: Sites = None,
     source: Sources = None,
+    origin: Origin = None,
     model: AnyModel = None,
     speed: Speed = 1.0,
     repeat: Repeat = False,
@@ -66,43 +75,58 @@ def serve(
 
     may_ask, may_use = tuple(allow_host or ()), tuple(allow_origin or ())
     address = Address(host, port, certificate, key, behind_proxy, token_of(token_file), may_ask, may_use)
-    stations, sources = parts_of(site or [], source or [], speed=speed, repeats=repeat)
+    stations, sources = parts_of(site or [], source or [], origin or [], speed=speed, repeats=repeat)
     names = ", ".join(one.name for one in stations)
     run(
         stations,
         sources=sources,
-        choices=choices_of(model, replays=bool(sources)),
+        choices=choices_of(model, sources=sources),
         address=address,
         announce=lambda where: terminal.say(f"serving {names} at {where}"),
     )
 
 
 def parts_of(
-    sites: list[str], sources: list[str], *, speed: float, repeats: bool
+    sites: list[str], sources: list[str], origins: list[str], *, speed: float, repeats: bool
 ) -> "tuple[list[Station], list[Source]]":
     """Returns the sites, and what gives them frames.
 
     Raises:
         RampcastError: there is none, or one cannot be read.
     """
-    from rampcast.live.replay import Replay
+    from rampcast.live.sources import source_of
     from rampcast.live.station import Station
-    from rampcast.recording.recording import read_recording
     from rampcast.sites import load_site
 
     stations = {one.name: Station(one.name, one) for one in map(load_site, sites)}
-    found: list[Any] = []
-    for source in sources:
-        recording = read_recording(Path(source))
-        name = recording.site.name
-        stations.setdefault(name, Station(name, recording.site))
-        found.append(Replay(recording, name, speed=speed, repeats=repeats))
+    found = [source_of(source, stations, speed=speed, repeats=repeats) for source in sources]
     if not stations:
         raise RampcastError("no site was given: name one with --site, or a recording with --source")
+    for origin in origins:
+        place_on_earth(stations, origin)
     return [*stations.values()], found
 
 
-def choices_of(model: Path | None, *, replays: bool) -> Any:
+def place_on_earth(stations: "dict[str, Station]", origin: str) -> None:
+    """Tells a site where it lies: "LAT,LON", or "SITE=LAT,LON" where there are several.
+
+    Raises:
+        RampcastError: it is neither.
+    """
+    from rampcast.live.earth import Earth
+
+    name, _, place = origin.rpartition("=")
+    named = stations.get(name) if name or len(stations) > 1 else next(iter(stations.values()))
+    try:
+        lat, lon = (float(part) for part in place.split(","))
+        if named is None or not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+            raise ValueError
+    except ValueError:
+        raise RampcastError(f"--origin {origin}: expected LAT,LON in degrees, or SITE=LAT,LON") from None
+    named.earth = Earth(named.site, lat, lon)
+
+
+def choices_of(model: Path | None, *, sources: "list[Source]") -> "Choices":
     """Returns how to forecast; of a recording as `rampcast forecast` does.
 
     Raises:
@@ -110,10 +134,12 @@ def choices_of(model: Path | None, *, replays: bool) -> Any:
     """
     from rampcast.forecast.forecaster import Forecaster
     from rampcast.forecast.storage import load
+    from rampcast.live.replay import Replay
     from rampcast.live.service import Choices
 
     if model is not None and not isinstance(load(model), Forecaster):
         raise RampcastError(f"--model {model}: the paper's framework; expected a model of `rampcast train`")
+    replays = any(isinstance(one, Replay) for one in sources)
     return Choices("pretrained" if model is None else str(model.absolute()), recalibrates=not replays)
 
 

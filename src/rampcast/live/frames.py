@@ -47,6 +47,7 @@ class Frame(msgspec.Struct):
         objects: vehicles.
         site: id of the site; left out where the address names it.
         seq: number of the frame, which its source counts.
+        token: where it comes by UDP from another machine, which has no other place for it.
     """
 
     v: int
@@ -54,6 +55,7 @@ class Frame(msgspec.Struct):
     objects: Annotated[list[Seen], msgspec.Meta(max_length=MOST_OBJECTS)]
     site: Annotated[str, msgspec.Meta(max_length=64)] | None = None
     seq: Annotated[int, msgspec.Meta(ge=0, le=LATEST)] | None = None
+    token: Annotated[str, msgspec.Meta(max_length=256)] | None = None
 
 
 _decoder = msgspec.json.Decoder(Frame)

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
 
+TOKEN: Final = "RAMPCAST_TOKEN"  # of the environment: what clients have to know
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 RATE: Final = 60.0  # frames a second of one source: twice the 30 Hz that a site may have
 BURST: Final = 120.0  # frames at once, as after a pause of a network

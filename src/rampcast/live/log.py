@@ -3,9 +3,12 @@
 import logging
 import sys
 import time
-from typing import Any
+from typing import Any, Final
 
 import msgspec
+
+TOLD: Final = 50  # wrong frames of a source that are told of
+LONGEST: Final = 300  # letters of what is told
 
 _logger = logging.getLogger("rampcast.live")
 
@@ -22,3 +25,9 @@ def write_log() -> None:
     _logger.addHandler(handler)
     _logger.setLevel(logging.INFO)
     _logger.propagate = False
+
+
+def log_wrong(count: int, source: str, error: Exception) -> None:
+    """Writes what was wrong with a frame, of the first ones of a source: a broken sensor must not fill the disk."""
+    if count <= TOLD:
+        log("frame_wrong", source=source, count=count, text=str(error)[:LONGEST])

@@ -21,6 +21,7 @@ LEVELS: Final = tuple(BANDS.values())
 AT: Final = np.array(TIMES[1:]) * STEPS_PER_SECOND - 1  # steps that end at 1 ... 15 s
 SOON: Final = 5 * STEPS_PER_SECOND - 1  # the step that ends at 5 s
 DECIMETRES: Final = 10.0
+MILLIMETRES: Final = 3  # decimals of places [m]
 BYTE: Final = 255.0
 GAPS: Final = 5  # of a vehicle that are told, the likeliest
 
@@ -59,7 +60,10 @@ def _two_forms(vehicle: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]
     q, p = vehicle["q"], vehicle["p_merged"]
     moved = np.clip(np.rint((q - vehicle["x"]) * DECIMETRES), -32768, 32767).astype("<i2").tobytes()
     shares = None if p is None else np.rint(p * BYTE).astype(np.uint8).tobytes()
-    plain = vehicle | {"q": np.round(q, 2).tolist(), "p_merged": None if p is None else np.round(p, 3).tolist()}
+    plain = vehicle | {
+        "q": np.round(q, MILLIMETRES).tolist(),
+        "p_merged": None if p is None else np.round(p, 3).tolist(),
+    }
     return plain, vehicle | {"q": moved, "p_merged": shares}
 
 

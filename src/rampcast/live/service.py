@@ -1,12 +1,13 @@
 """The service: sites that take frames in, one process that forecasts for all of them, and those who watch."""
 
 import asyncio
+import hmac
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, runtime_checkable
 
-from rampcast.live.frames import Frame, FrameError
+from rampcast.live.frames import Frame, FrameError, frame_of
 from rampcast.live.log import log
 from rampcast.live.messages import encoded
 from rampcast.live.newest import NewestError
@@ -107,6 +108,33 @@ class Service:
             self.supervisor.tell()
             self._counted(station, "state", time.time() - t_in_ms / 1e3)
         return taken
+
+    def receive(self, message: bytes, *, station: Station | None = None, token: str | None = None) -> Taken:
+        """Takes a message in, of the site that it names.
+
+        Args:
+            message: JSON; see docs/live-messages.md.
+            station: where it was sent to; None leaves it to the message, which need not name the only site there is.
+            token: that it has to carry; None where it need not.
+
+        Raises:
+            FrameError: it is no frame, of no site, or without the token.
+        """
+        frame = frame_of(message)
+        if token is not None and not hmac.compare_digest((frame.token or "").encode(), token.encode()):
+            raise FrameError("the token is wrong or missing")
+        if station is not None and frame.site not in (None, station.name):
+            raise FrameError(f"site: the frame is of {frame.site!r}, and was sent to {station.name!r}")
+        if station is None:
+            station = self._named(frame.site)
+        return self.take(station, frame)
+
+    def _named(self, name: str | None) -> Station:
+        if name is None and len(self.stations) == 1:
+            return next(iter(self.stations.values()))
+        if name not in self.stations:
+            raise FrameError(f"site: expected one of {', '.join(self.stations)}, got {name!r}")
+        return self.stations[name]
 
     def say(self, station: Station) -> None:
         """Tells viewers how the service is."""

@@ -2,14 +2,14 @@
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from typing import Any, Final
 
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rampcast.forecast.tables import TIMES
-from rampcast.live.frames import FrameError, frame_of
+from rampcast.live.frames import FrameError
 from rampcast.live.guard import Bucket, Guard
 from rampcast.live.messages import BINARY, LEVELS, encoded, head
 from rampcast.live.service import Service
@@ -121,10 +121,7 @@ async def ingest_socket(socket: WebSocket) -> None:
                 await _close(socket, TRY_LATER, "too many frames a second")
                 return
             try:
-                frame = frame_of(message.get("bytes") or message.get("text") or b"")
-                if frame.site not in (None, station.name):
-                    raise FrameError(f"site: the frame is of {frame.site!r}, and was sent to {station.name!r}")
-                service.take(station, frame)
+                service.receive(_bytes(message), station=station)
                 faults = 0
             except FrameError as error:
                 faults += 1
@@ -165,8 +162,7 @@ async def _first(socket: WebSocket, guard: Guard) -> First | None:
         return First(after=int(after) if after.isdecimal() and len(after) < 16 else 0)
     try:
         async with asyncio.timeout(PATIENCE):
-            message = await socket.receive()
-            return msgspec.json.decode(message.get("bytes") or message.get("text") or b"", type=First)
+            return msgspec.json.decode(_bytes(await socket.receive()), type=First)
     except TimeoutError:
         await _close(socket, POLICY, f"the first message did not come within {PATIENCE:g} s")
         return None
@@ -190,3 +186,9 @@ async def _close(socket: WebSocket, code: int, reason: str) -> None:
     if socket.application_state is not WebSocketState.DISCONNECTED:
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):
             await socket.close(code, reason)
+
+
+def _bytes(message: Mapping[str, Any]) -> bytes:
+    """Returns what a message of a client holds."""
+    text = message.get("text")
+    return text.encode() if isinstance(text, str) else message.get("bytes") or b""

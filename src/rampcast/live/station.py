@@ -52,6 +52,7 @@ class Station:
     store: TrackStore = field(default_factory=TrackStore)
     viewers: Viewers = field(default_factory=Viewers)
     alarms: Alarms = field(init=False)
+    alarms_published: int = 0  # number of the last one that a broker has
     seq: int = 0
     lost_frames: int = 0
     forecasts: int = 0

@@ -9,7 +9,7 @@ import numpy as np
 from rampcast.forecast.forecaster import Forecaster
 from rampcast.forecast.online import NEW, Online
 from rampcast.live.degrading import Degrading
-from rampcast.live.messages import Encoded, encoded_forecast, head, kind_name, known, vehicles_of
+from rampcast.live.messages import MILLIMETRES, Encoded, encoded_forecast, head, kind_name, known, vehicles_of
 from rampcast.live.tracks import Snapshot
 from rampcast.sites import Site
 from rampcast.traffic.moments import Traffic, traffic_of_rows
@@ -68,7 +68,7 @@ class Tick:
 def states(traffic: Traffic, names: dict[int, str]) -> dict[int, dict[str, Any]]:
     """Returns what is known of each vehicle at t0, by its number."""
     number = traffic.vehicle.tolist()
-    x, y, v = (np.round(values[:, -1], 2).tolist() for values in (traffic.x, traffic.y, traffic.v))
+    x, y, v = (np.round(values[:, -1], MILLIMETRES).tolist() for values in (traffic.x, traffic.y, traffic.v))
     length, width = (np.round(values, 2).tolist() for values in (traffic.length, traffic.width))
     age = np.rint(1e3 * traffic.age).astype(int).tolist()
     columns = zip(number, x, y, v, traffic.lane.tolist(), length, width, traffic.kind.tolist(), age, strict=True)

@@ -15,7 +15,7 @@ from starlette.staticfiles import StaticFiles
 from rampcast.errors import RampcastError
 from rampcast.live.answers import Refusal, answer, body_of, error_answer, number_of
 from rampcast.live.entrance import Entrance
-from rampcast.live.frames import FrameError, frame_of
+from rampcast.live.frames import FrameError
 from rampcast.live.geo import site_geojson
 from rampcast.live.guard import Bucket, Guard
 from rampcast.live.replay import Replay
@@ -173,10 +173,7 @@ async def tracks(request: Request) -> Response:
     if not bucket.takes():
         return answer({"error": "too many frames a second"}, status=429, headers={"retry-after": "1"})
     try:
-        frame = frame_of(await body_of(request))
-        if frame.site not in (None, station.name):
-            raise FrameError(f"site: the frame is of {frame.site!r}, and was sent to {station.name!r}")
-        taken = service_of(request).take(station, frame)
+        taken = service_of(request).receive(await body_of(request), station=station)
     except FrameError as error:
         raise Refusal(422, str(error)) from error
     return answer({"verdict": taken.verdict, "rows": taken.rows, "epoch": taken.epoch}, status=202)

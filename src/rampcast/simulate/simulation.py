@@ -67,12 +67,12 @@ def simulate(
         SiteError: the site's target lane is not its rightmost main lane.
         RecordingError: an argument has no meaning.
     """
-    demand = _Demand(flow_per_lane, ramp_flow, shares, sign_speeds, warm_up, seed)
+    demand = Demand(flow_per_lane, ramp_flow, shares, sign_speeds, warm_up, seed)
     recording = _recorded(site_of(site), demand, minutes=minutes, window=window, progress=progress)
     return add_position_noise(recording, standard_deviation=position_noise, seed=seed)
 
 
-class _Demand(NamedTuple):
+class Demand(NamedTuple):
     """Who wants to drive, and what holds them back; see `simulate`."""
 
     flow_per_lane: float
@@ -83,7 +83,7 @@ class _Demand(NamedTuple):
     seed: int
 
 
-def _recorded(site: Site, demand: _Demand, *, minutes: float, window: str, progress: Progress | None) -> Recording:
+def _recorded(site: Site, demand: Demand, *, minutes: float, window: str, progress: Progress | None) -> Recording:
     """Returns the recording without noise."""
     begin, seed = demand.warm_up, demand.seed
     if minutes <= 0 or begin < SETTLE:
@@ -92,7 +92,7 @@ def _recorded(site: Site, demand: _Demand, *, minutes: float, window: str, progr
     with tempfile.TemporaryDirectory(prefix="rampcast-") as name:
         folder = Path(name)
         network = write_network(site, folder)
-        vehicles = _vehicles(site, demand, until=end)
+        vehicles = vehicles_of(site, demand, until=end)
         write_vehicles(vehicles, main=roads(site), ramp=ramp_roads(site), path=folder / "vehicles.xml")
         sign = next(road for road in roads(site) if road.name == "slow")
         write_sign(folder / "sign.xml", road=sign, speeds=demand.sign_speeds, warm_up=begin, duration=end, seed=seed)
@@ -102,7 +102,7 @@ def _recorded(site: Site, demand: _Demand, *, minutes: float, window: str, progr
     return Recording(tracks=named.cast(pl.Schema(c.SCHEMA)), site=site, time_step=TIME_STEP, source="simulated")
 
 
-def _vehicles(site: Site, demand: _Demand, *, until: float) -> pl.DataFrame:
+def vehicles_of(site: Site, demand: Demand, *, until: float) -> pl.DataFrame:
     """Returns the vehicles of all lanes in the order in which they set out."""
     lanes = len(main_lanes(site))
     draw = partial(draw_vehicles, duration=until, shares=demand.shares, seed=demand.seed)
