@@ -10,7 +10,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifi
 from threadpoolctl import threadpool_limits
 
 from rampcast.errors import ModelError
-from rampcast.models.trees import TREES_TOGETHER, Forests, boosted_trees, classification_tree, joined, leaf
+from rampcast.models.trees import TREES_TOGETHER, Forests, Trees, boosted_trees, classification_tree, joined, leaf
 
 
 @pytest.fixture(autouse=True)
@@ -137,3 +137,60 @@ def test_a_leaf_that_sends_rows_on_is_refused(name: str, value: float) -> None:
     wrong[-1] = value
     with pytest.raises(ModelError, match="outside"):
         replace(trees, **{name: wrong})
+
+
+def chain(depth: int) -> dict[str, object]:
+    """Returns the arrays of a tree in which each level has one more leaf."""
+    nodes = 2 * depth + 1
+    left = np.arange(nodes, dtype=np.int32)
+    inner = np.array([0, *range(2, 2 * depth, 2)])
+    left[inner] = inner + 1
+    is_leaf = left == np.arange(nodes)
+    return {
+        "columns": 1,
+        "feature": np.zeros(nodes, np.int32),
+        "threshold": np.where(is_leaf, np.inf, 0.5),
+        "missing_left": np.ones(nodes, bool),
+        "left": left,
+        "value": np.zeros((nodes, 1)),
+        "root": np.zeros(1, np.int32),
+    }
+
+
+def test_a_tree_of_any_sane_depth_is_taken_and_a_deeper_one_refused():
+    assert Trees(**chain(60)).depths.tolist() == [60]
+    with pytest.raises(ModelError, match="levels deep"):
+        Trees(**chain(1001))
+
+
+def test_nodes_that_share_children_are_refused_before_they_fill_the_memory():
+    """Each level of such a graph has twice the ways of the one above: 60 nodes have 2**60."""
+    nodes = 62
+    left = np.minimum(np.arange(nodes) + 1, 60).astype(np.int32)
+    left[60:] = [60, 61]
+    threshold = np.where(left == np.arange(nodes), np.inf, 0.0)
+    with pytest.raises(ModelError, match="below two others"):
+        Trees(**(chain(1) | {
+            "feature": np.zeros(nodes, np.int32), "threshold": threshold, "missing_left": np.ones(nodes, bool),
+            "left": left, "value": np.zeros((nodes, 1)),
+        }))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value", "message"),
+    [
+        ("threshold", 0, np.nan, "no number"),
+        ("threshold", 0, -np.inf, "no number"),
+        ("left", 0, -1, "outside"),
+        ("left", 0, 5, "outside"),
+        ("feature", 0, -1, "outside"),
+        ("feature", 0, 1, "outside"),
+        ("root", 0, -1, "outside"),
+        ("root", 0, 1, "below two others, or below none"),
+    ],
+)
+def test_arrays_that_are_no_tree_are_refused(name, place, value, message):
+    arrays = chain(2)
+    arrays[name][place] = value
+    with pytest.raises(ModelError, match=message):
+        Trees(**arrays)

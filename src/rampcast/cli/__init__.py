@@ -20,7 +20,7 @@ ADVICE = {
     errno.EROFS: RIGHTS,
 }
 
-__all__ = ["app", "data", "forecasting", "live", "main"]
+__all__ = ["app", "data", "forecasting", "live", "main", "told"]
 
 
 def main() -> None:
@@ -29,11 +29,11 @@ def main() -> None:
     try:
         app()
     except (RampcastError, OSError) as error:
-        terminal.complain(_told(error))
+        terminal.complain(told(error))
         sys.exit(2)
 
 
-def _told(error: Exception) -> str:
+def told(error: Exception) -> str:
     """Returns what to tell of an error; those of the system name a file, but not what to do."""
     if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
         return str(error)

@@ -1,10 +1,12 @@
 """Arguments and options that several commands share."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rampcast.errors import RampcastError
 from rampcast.files import check_file, check_folder
 
 
@@ -30,6 +32,18 @@ def writable_folder(path: Path | None) -> Path | None:
     return path
 
 
+def time_between(every: float) -> float:
+    """Returns a time between two moments.
+
+    Raises:
+        RampcastError: it is not above 0, or not finite.
+    """
+    if not 0.0 < every < math.inf:
+        raise RampcastError(f"--every: expected a time above 0 s, as 0.5, got {every:g}")
+    return every
+
+
+LARGEST_SEED = 2**31 - 1  # that all who draw take: numpy, scikit-learn, jax and SUMO
 Files = Annotated[list[Path], typer.Argument(help="Recordings, in any form that [bold]rampcast formats[/] lists.")]
 FormatName = Annotated[
     str | None, typer.Option("--format", help="Format of the files. Default: told by their content.")
@@ -52,10 +66,12 @@ RecordingFile = Annotated[
 Every = Annotated[
     float,
     typer.Option(
-        "--every", help="Time between two moments that are forecast \\[s]; for the paper's framework a multiple of 0.2."
+        "--every",
+        callback=time_between,
+        help="Time between two moments that are forecast \\[s]; for the paper's framework a multiple of 0.2.",
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", help="Fixes everything drawn at random.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Fixes everything drawn at random.")]
 Epochs = Annotated[int, typer.Option("--epochs", min=1, help="Passes of the LSTMs over their training windows.")]
 Batch = Annotated[int, typer.Option("--batch", min=1, help="Windows per step of the LSTMs' training.")]
 Stride = Annotated[int, typer.Option("--stride", min=1, help="Train the LSTMs on a window at every so many steps.")]

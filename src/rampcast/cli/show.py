@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.markup import escape
+from rich.markup import escape as without_markup
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -32,11 +33,18 @@ if TYPE_CHECKING:
     from rampcast.formats import ReadReport
     from rampcast.recording import CleaningReport
 
+# What a terminal obeys: controls but tab and line end, and those that turn the direction of writing.
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 output = Console()
 messages = Console(stderr=True)
 
 SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
 SHOWN_SKILLS = (3.0, 8.0)  # [s]
+
+
+def escape(text: str) -> str:
+    """Returns a text as it is to be printed: a name in a file, or a server's answer, is not to move the cursor."""
+    return without_markup(OBEYED.sub(lambda found: repr(found[0])[1:-1], text))
 
 
 @contextmanager

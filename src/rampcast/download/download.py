@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,21 @@ import msgspec
 
 from rampcast.download.archives import unpack
 from rampcast.download.catalogue import DataSet, data_set
-from rampcast.download.portal import PAGE_ROWS, Portal, pages_folder, read_plan, sha256_of
-from rampcast.download.transfer import Note, Patience, Tell, TransferError, fetch_file, open_client, write_json
+from rampcast.download.portal import PAGE_ROWS, Plan, Portal, pages_folder, read_plan
+from rampcast.download.transfer import (
+    MOST,
+    MOST_OF_TEXT,
+    Note,
+    Patience,
+    Tell,
+    TransferError,
+    fetch_file,
+    open_client,
+    without_login,
+    write_json,
+)
 from rampcast.errors import DownloadError, RampcastError
+from rampcast.files import sha256_of
 from rampcast.formats import FORMATS, BadRows, read_all
 from rampcast.recording import columns as c
 from rampcast.sites import load_site
@@ -93,12 +104,16 @@ def download(
     """
     source = data_set(name)
     path = _path(source, folder, limit)
+    portal, login = without_login(portal)
     if (found := _already_there(source, path)) is None:
-        with _with_advice(source), open_client(patience) as client:
+        with _with_advice(source), open_client(patience, login) as client:
             if source.resource:
                 table = Portal(source, portal.rstrip("/"), path, client, patience, note)
-                plan = table.fetch(limit=limit, page_rows=page_rows, tell=tell)
-                found = _note(source, path, f"{plan.url}.csv", rows=plan.rows)
+
+                def noted(whole: Path, plan: Plan) -> Download:
+                    return _note(source, path, f"{plan.url}.csv", whole, rows=plan.rows)
+
+                found = table.fetch(limit=limit, page_rows=page_rows, tell=tell, note=noted)
             else:
                 found = _fetched_file(source, portal, path, client, patience, tell, note)
     else:
@@ -112,9 +127,15 @@ def _fetched_file(
 ) -> Download:
     """Returns what is known of a data set that is one file, now got."""
     url = f"{portal.rstrip('/')}/{source.file}"
-    check = partial(_check, source=source, url=url)
-    fetch_file(url, path, client, check=check, patience=patience, tell=tell, note=note)
-    return _note(source, path, url)
+    noted: list[Download] = []
+
+    def check(whole: Path) -> None:
+        _check(whole, source, url)
+        noted.append(_note(source, path, url, whole))
+
+    most = source.bytes + MOST_OF_TEXT if source.bytes else MOST  # more by a little has a message of its own
+    fetch_file(url, path, client, check=check, most=most, patience=patience, tell=tell, note=note)
+    return noted[-1]
 
 
 def kept(name: str, folder: Path, *, limit: int | None = None) -> str:
@@ -188,15 +209,15 @@ def _replaced(source: DataSet) -> str:
     )
 
 
-def _note(source: DataSet, path: Path, url: str, rows: int = 0) -> Download:
-    """Returns what is known of a file that has just been got, and stores it beside the file."""
+def _note(source: DataSet, path: Path, url: str, whole: Path, rows: int = 0) -> Download:
+    """Returns what is known of a file that is whole and will be at a path, and stores it beside that."""
     found = Download(
         name=source.name,
         file=path.name,
         url=url,
         when=datetime.now(UTC).isoformat(timespec="seconds"),
-        bytes=path.stat().st_size,
-        sha256=sha256_of(path),
+        bytes=whole.stat().st_size,
+        sha256=sha256_of(whole),
         licence=source.licence,
         rows=rows,
         checksum_known=source.sha256 != "",

@@ -5,13 +5,13 @@ written whole, counted and kept until all are there. Source: dev.socrata.com, "P
 """
 
 import csv
-import hashlib
 import json
 import math
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote, urlencode
 
 import httpx
@@ -22,6 +22,7 @@ from rampcast.download.transfer import (
     Note,
     PassingFault,
     Patience,
+    Result,
     Tell,
     TransferError,
     answer,
@@ -31,13 +32,14 @@ from rampcast.download.transfer import (
     writing,
 )
 from rampcast.errors import DownloadError
-from rampcast.files import write_whole
+from rampcast.files import sha256_of, write_whole
 from rampcast.formats.files.head import find_header, look, plain
 from rampcast.formats.registry import FORMATS
 
 PAGE_ROWS = 50_000  # the most that every version of the interface gives at once (dev.socrata.com)
 CHANGED = "x-soda2-truth-last-modified"  # header of every answer: when the table's rows were last changed
 BLOCK = 1 << 20  # [bytes]
+MOST_OF_ROW = 10_000  # [bytes] a row of these tables has some 200
 PLAN = "plan.json"
 
 
@@ -108,13 +110,14 @@ class Portal:
         self.url = f"{base}/resource/{source.resource}"
         self.folder = pages_folder(path)
 
-    def fetch(self, *, limit: int | None, page_rows: int, tell: Tell) -> Plan:
-        """Writes the table, whole or not at all, and returns the plan that was followed.
+    def fetch(self, *, limit: int | None, page_rows: int, tell: Tell, note: Callable[[Path, Plan], Result]) -> Result:
+        """Writes the table, whole or not at all, and returns what is noted of it.
 
         Args:
             limit: rows to get at most; None gets all.
             page_rows: rows of a page.
             tell: told the pages that are done.
+            note: notes where the whole file is from, before it is put in its place: whoever is killed later has both.
 
         Raises:
             DownloadError: a page cannot be got, is not as expected, or the table changed meanwhile.
@@ -128,8 +131,7 @@ class Portal:
         after = self.count()
         if after != total:
             raise self._changed(f"it had {total:,} rows before and has {after:,} now")
-        self._join(plan)
-        return plan
+        return self._join(plan, note)
 
     def count(self) -> int:
         """Returns the number of rows that the portal has."""
@@ -164,13 +166,19 @@ class Portal:
                 if plan.pages and changed != plan.changed:
                     raise self._changed(f"it was changed on {changed}")
                 with partial.open("wb") as file:
-                    file.writelines(response.iter_bytes())
+                    self._copy(response, file, most=MOST_OF_ROW * (plan.rows_of(number) + 1))
                 header, page = self._check(partial, plan, number)
             return replace(plan, changed=changed, header=header, pages=(*plan.pages, page))
 
         plan = patiently(get, url=url, patience=self.patience, note=self.note)
         write_json(asdict(plan), self.folder / PLAN)
         return plan
+
+    def _copy(self, response: httpx.Response, file: BinaryIO, *, most: int) -> None:
+        for chunk in response.iter_bytes():
+            if file.tell() + len(chunk) > most:
+                raise TransferError(f"{self.url}: expected {most:,} bytes at most for a page, the server sends more")
+            file.write(chunk)
 
     def _check(self, path: Path, plan: Plan, number: int) -> tuple[str, Page]:
         """Returns the header and what is known of a page.
@@ -217,21 +225,17 @@ class Portal:
             "removed; call the same command again"
         )
 
-    def _join(self, plan: Plan) -> None:
-        with writing(self.path), write_whole(self.path) as partial, partial.open("wb") as whole:
-            whole.write(f"{plan.header}\n".encode())
-            for number in range(plan.page_count):
-                with _page_path(self.folder, number).open("rb") as page:
-                    page.readline()
-                    shutil.copyfileobj(page, whole, BLOCK)
-                    page.seek(-1, 2)
-                    whole.write(b"" if page.read(1) == b"\n" else b"\n")
-
-
-def sha256_of(path: Path) -> str:
-    """Returns the SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    def _join(self, plan: Plan, note: Callable[[Path, Plan], Result]) -> Result:
+        with writing(self.path), write_whole(self.path) as partial:
+            with partial.open("wb") as whole:
+                whole.write(f"{plan.header}\n".encode())
+                for number in range(plan.page_count):
+                    with _page_path(self.folder, number).open("rb") as page:
+                        page.readline()
+                        shutil.copyfileobj(page, whole, BLOCK)
+                        page.seek(-1, 2)
+                        whole.write(b"" if page.read(1) == b"\n" else b"\n")
+            return note(partial, plan)
 
 
 def _page_path(folder: Path, number: int) -> Path:

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -10,7 +9,7 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import TypeVar
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit, urlunsplit
 
 import httpx
 import msgspec
@@ -18,11 +17,13 @@ import stamina
 
 from rampcast import __version__
 from rampcast.errors import DownloadError
-from rampcast.files import write_whole
+from rampcast.files import put, write_whole
 
 PASSING = (408, 429, 500, 502, 503, 504)  # answers that a server may no longer give a little later
 LOG, SILENT = logging.getLogger("stamina"), logging.NullHandler()  # without a handler, Python prints its lines
 SHOWN = 300  # characters of a server's answer in a message
+MOST = 20_000_000_000  # [bytes] of a file whose size nobody has recorded: six times the largest of the catalogue
+MOST_OF_TEXT = 1_000_000  # [bytes] of an answer that is a number, or an error
 
 Tell = Callable[[str, int, int], None]  # what, done, total
 Note = Callable[[str], None]
@@ -70,13 +71,40 @@ class RangeRefused(PassingFault):
     """A server does not continue a file where it was left off; the part of it that is there is of no use."""
 
 
-def open_client(patience: Patience) -> httpx.Client:
-    """Returns a client that follows redirections and takes a proxy from the environment."""
-    return httpx.Client(
-        timeout=httpx.Timeout(patience.silence, connect=patience.connect),
-        follow_redirects=True,
-        headers={"User-Agent": f"rampcast/{__version__}"},
-    )
+def open_client(patience: Patience, login: tuple[str, str] | None = None) -> httpx.Client:
+    """Returns a client that follows redirections and takes a proxy from the environment.
+
+    Args:
+        patience: how long to wait.
+        login: name and password for the server.
+
+    Raises:
+        TransferError: there can be no such proxy.
+    """
+    try:
+        return httpx.Client(
+            timeout=httpx.Timeout(patience.silence, connect=patience.connect),
+            follow_redirects=True,
+            headers={"User-Agent": f"rampcast/{__version__}"},
+            auth=login,
+        )
+    except (ImportError, ValueError, httpx.InvalidURL) as error:
+        raise TransferError(
+            f"the proxy that HTTP_PROXY, HTTPS_PROXY or ALL_PROXY names cannot be used ({error}); name one of the form "
+            "http://host:port, or unset it. One of SOCKS needs `pip install socksio`"
+        ) from error
+
+
+def without_login(url: str) -> tuple[str, tuple[str, str] | None]:
+    """Returns an address without the name and the password in it, which nobody is to see, and these."""
+    try:
+        parts = urlsplit(url)
+        name, password = unquote(parts.username or ""), unquote(parts.password or "")
+    except ValueError:  # no address; whoever asks for it says so
+        return url, None
+    if not name and not password:
+        return url, None
+    return urlunsplit(parts._replace(netloc=parts.netloc.rpartition("@")[2])), (name, password)
 
 
 def patiently(action: Callable[[], Result], *, url: str, patience: Patience, note: Note) -> Result:
@@ -135,8 +163,17 @@ def answer(client: httpx.Client, url: str, headers: Mapping[str, str] | None = N
 def read_text(client: httpx.Client, url: str) -> str:
     """Returns the text at an address; raises as `answer`."""
     with answer(client, url) as response:
-        response.read()
-        return response.text
+        return _text_of(response)
+
+
+def _text_of(response: httpx.Response) -> str:
+    """Returns the beginning of an answer, which may have no end."""
+    content = b""
+    for chunk in response.iter_bytes():
+        content += chunk
+        if len(content) > MOST_OF_TEXT:
+            break
+    return content[:MOST_OF_TEXT].decode(response.encoding or "utf-8", "replace")
 
 
 @contextmanager
@@ -161,6 +198,7 @@ def fetch_file(
     client: httpx.Client,
     *,
     check: Callable[[Path], None],
+    most: int,
     patience: Patience,
     tell: Tell,
     note: Note,
@@ -171,7 +209,9 @@ def fetch_file(
         url: address of a file that does not change, so that parts of two requests fit together.
         path: file to write. What there is of it lies in `path`.part until it is whole.
         client: for the requests.
-        check: raises DownloadError if the whole file is not what was asked for; it is then removed.
+        check: raises DownloadError if the whole file is not what was asked for; it is then removed. What there is to
+            note of it is noted by then: whoever is killed later has the file and the note.
+        most: size that is believed [bytes].
         patience: how long to wait and how often to try.
         tell: told the megabytes that are done.
         note: told each fault that may pass.
@@ -180,7 +220,7 @@ def fetch_file(
         TransferError: the file cannot be got.
         DownloadError: it is not what was asked for, or cannot be written.
     """
-    part = _Part(path)
+    part = _Part(path, most)
     patiently(lambda: part.go_on(url, client, tell), url=url, patience=patience, note=note)
     try:
         check(part.path)
@@ -188,7 +228,7 @@ def fetch_file(
         part.forget()
         raise
     with writing(path):
-        os.replace(part.path, path)
+        put(part.path, path)
         part.notes.unlink(missing_ok=True)
 
 
@@ -204,7 +244,8 @@ class _Version:
 class _Part:
     """The part of a file that is there, with the notes on the version that it is of."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, most: int) -> None:
+        self.most = most
         self.path = path.with_name(f"{path.name}.part")
         self.notes = path.with_name(f"{path.name}.part.json")
 
@@ -267,7 +308,12 @@ class _Part:
             with self.path.open("ab") as file:
                 for chunk in response.iter_raw():
                     done += file.write(chunk)
+                    if max(done, version.size) > self.most:
+                        break
                     tell(f"{self.path.stem} [MB]", done // 1_000_000, max(version.size, done) // 1_000_000)
+        if max(done, version.size) > self.most:
+            self.forget()
+            raise TransferError(f"{version.url}: expected {self.most:,} bytes at most, the server sends more")
         if version.size >= 0 and done != version.size:
             raise PassingFault(f"expected {version.size:,} bytes, got {done:,}")
 
@@ -294,8 +340,7 @@ def _check_status(response: httpx.Response) -> None:
         wait = _retry_after(response)
         asks = f" and asks to wait {wait:.0f} s" if wait else ""
         raise PassingFault(f"the server answers {code} {response.reason_phrase}{asks}", wait)
-    response.read()
-    said = " ".join(response.text[:SHOWN].split())
+    said = " ".join(_text_of(response)[:SHOWN].split())
     if code in (httpx.codes.NOT_FOUND, httpx.codes.GONE):
         raise TransferError(f"{url}: there is nothing at this address any more ({code}); it may have moved")
     if code in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN, httpx.codes.PROXY_AUTHENTICATION_REQUIRED):
@@ -316,11 +361,11 @@ def _check_kind(response: httpx.Response) -> None:
 def _retry_after(response: httpx.Response) -> float:
     """Returns how long the server asks to wait [s]; it says so in seconds or as a date."""
     value = response.headers.get("retry-after", "").strip()
-    if value.isdigit():
-        return float(value)
     try:
+        if value.isascii() and value.isdigit():
+            return float(value)
         until = parsedate_to_datetime(value)
-    except (TypeError, ValueError):
+        until = until if until.tzinfo else until.replace(tzinfo=UTC)
+        return max(0.0, (until - datetime.now(UTC)).total_seconds())
+    except (TypeError, ValueError, OverflowError):
         return 0.0
-    until = until if until.tzinfo else until.replace(tzinfo=UTC)
-    return max(0.0, (until - datetime.now(UTC)).total_seconds())

@@ -5,18 +5,20 @@ minutes. The moves keep the order of a vehicle's samples, and `projection` keeps
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rampcast.errors import ModelError
 from rampcast.forecast.learning import Base, Training, fit_base, merge_rates
 from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_average, sharing
 from rampcast.forecast.stages import Stages
 from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction
 from rampcast.models.merge_features import merge_table, platoon_table, regimes
+from rampcast.models.plain_data import MAY_BE_MISSING
 from rampcast.threads import shared_out
 from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import MergeScenes
@@ -24,6 +26,7 @@ from rampcast.traffic.situation import NOBODY, Situation
 
 SPREAD = (0.1, 0.5, 0.9)  # levels of the median, and of the quantiles whose distance is the spread
 FEWEST_UNMERGED = 5  # samples of which quantiles are taken
+MOST_SAMPLES = 10_000  # of a vehicle: those of 1,000 vehicles take 3 GB
 CHUNK = 1500  # vehicles at a time: 100 samples of them are 45 MB
 CORRECTION = CorrectionSpec()
 Tell = Callable[[int, int], None]  # stages done, stages in all
@@ -47,6 +50,10 @@ class CalibratedSpec:
     samples: int = 100
     folds: int = 5
     correction: CorrectionSpec | None = CORRECTION
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.samples <= MOST_SAMPLES:
+            raise ModelError(f"samples: expected 1 to {MOST_SAMPLES:,}, got {self.samples}")
 
 
 SPEC: Final[CalibratedSpec] = CalibratedSpec()
@@ -197,8 +204,8 @@ class RolledRows:
         regime: see `merge_features.Regime`.
     """
 
-    platoons: Float[np.ndarray, "row lane_feature"]
-    merges: Float[np.ndarray, "row merge_feature"]
+    platoons: Float[np.ndarray, "row lane_feature"] = field(metadata=MAY_BE_MISSING)
+    merges: Float[np.ndarray, "row merge_feature"] = field(metadata=MAY_BE_MISSING)
     average: Float[np.ndarray, "row knot"]
     steady: Float[np.ndarray, "row knot"]
     median: Float[np.ndarray, "row knot"]

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 from scipy.stats import norm, qmc
 
+from rampcast.errors import ModelError
 from rampcast.horizon import FUTURE, WHOLE_SECONDS
 from rampcast.models.pooled_driver import LEAST_CASES, START, TYPICAL_ERROR, true_leader
 from rampcast.physics import idm
@@ -52,6 +53,10 @@ class DriverPrior:
     scatter: float
     independence: float
     drivers: Float[np.ndarray, "driver param"]
+
+    def __post_init__(self) -> None:
+        if not len(self.drivers) or len(self.centre) != len(idm.Parameters._fields):  # the compiled loops do not look
+            raise ModelError(f"expected drivers of {len(idm.Parameters._fields)} parameters, got {self.drivers.shape}")
 
     @property
     def table(self) -> Float[np.ndarray, "driver param_and_habit"]:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from sklearn.linear_model import LogisticRegression
 
+from rampcast.errors import ModelError
 from rampcast.horizon import STEP
 
 NEAREST, FARTHEST = 1.0, 60.0  # [m] within which a gap matters
@@ -51,6 +52,10 @@ class MergeHazard:
     constant: float
     first: float = LANE_GOES_ON
     last: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.weights) != FEATURES:  # the compiled loops do not look
+            raise ModelError(f"expected {FEATURES} weights of the hazard, got {len(self.weights)}")
 
 
 NEVER = MergeHazard(np.zeros(FEATURES), RARE)

@@ -5,11 +5,12 @@ when the class is moved or renamed; what is read becomes an instance of a tagged
 default may be missing, so a new field of a model needs nothing here, and older data is read on.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from types import UnionType
-from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, Final, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from jaxtyping import jaxtyped
@@ -19,6 +20,8 @@ from rampcast.errors import ModelError
 
 TAG, ARRAY, VALUE = "tag", "array", "value"  # keys of objects in json; no field is named as the first two
 PLAIN = (bool, int, float, str, type(None))
+LARGEST: Final = 1e9  # of a number in a model, metres or whatever: a million times those that are learned
+MAY_BE_MISSING: Final = {"may_be_missing": True}  # metadata of a field of arrays in which some numbers are not finite
 
 
 class Record(NamedTuple):
@@ -126,7 +129,24 @@ def _made(kind: Any, tag: str, values: Mapping[str, Any]) -> Any:
             if not (isinstance(value, hint) if hasattr(hint, "array_type") else _fits(value, hint)):
                 expected = getattr(hint, "__name__", str(hint))
                 raise ModelError(f"'{tag}': expected {expected} for '{name}', got {_shown(value)}")
+            if not known[name].metadata.get("may_be_missing") and (wrong := _beyond_belief(value)) is not None:
+                raise ModelError(f"'{tag}': expected finite numbers of up to {LARGEST:g} for '{name}', got {wrong}")
     return made
+
+
+def _beyond_belief(value: Any) -> float | None:
+    """Returns a number in a value that no model learns, if there is one."""
+    if isinstance(value, bool | str) or (isinstance(value, int) and abs(value) < 1 << 63):  # seeds are large
+        return None
+    if isinstance(value, tuple):
+        return next((wrong for part in value if (wrong := _beyond_belief(part)) is not None), None)
+    if isinstance(value, int):
+        return math.inf
+    if isinstance(value, float) or (isinstance(value, np.ndarray | jax.Array) and value.dtype.kind == "f"):
+        numbers = np.asarray(value, float).ravel()
+        wrong = numbers[~(np.abs(numbers) <= LARGEST)]  # so that NaN is one too
+        return float(wrong[0]) if len(wrong) else None
+    return None
 
 
 def _fits(value: Any, hint: Any) -> bool:

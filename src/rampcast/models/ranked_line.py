@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtri
 
+from rampcast.errors import ModelError
+
 RANKS = np.linspace(0.01, 0.99, 50)  # quantiles of a column that are kept
 SHRINKAGE = 300.0  # of the weights, as if so many rows more had shown no effect of any column
 
@@ -25,6 +27,10 @@ class RankedLine:
     usual: Float[np.ndarray, "column"]
     weights: Float[np.ndarray, "column"]
     start: float
+
+    def __post_init__(self) -> None:
+        if len(self.quantiles) != len(RANKS):  # the compiled loops do not look
+            raise ModelError(f"expected {len(RANKS)} quantiles of a column, got {len(self.quantiles)}")
 
     def predict(self, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row"]:
         """Returns the value of each row."""

@@ -6,7 +6,7 @@ of different depth are walked together.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
 
@@ -16,8 +16,10 @@ from jaxtyping import Array, Bool, Float, Int, Int32
 
 from rampcast.compute import blocks, computing, jax, jnp, padded, program
 from rampcast.errors import ModelError
+from rampcast.models.plain_data import MAY_BE_MISSING
 from rampcast.threads import shared_out
 
+DEEPEST: Final = 1000  # levels; those that are grown have 50 at most
 LEAST_SHARE: Final = 1000  # rows of a thread
 # Scenes are padded to one of these numbers, so that a new number does not compile again; beside it the number of trees
 # that are walked together. Measured: few scenes need many trees to be worth an array operation, many scenes need few,
@@ -60,17 +62,17 @@ class Trees:
 
     columns: int
     feature: Int32[np.ndarray, "node"]
-    threshold: Float[np.ndarray, "node"]
+    threshold: Float[np.ndarray, "node"] = field(metadata=MAY_BE_MISSING)
     missing_left: Bool[np.ndarray, "node"]
     left: Int32[np.ndarray, "node"]
     value: Float[np.ndarray, "node output"]
     root: Int32[np.ndarray, "tree"]
 
     def __post_init__(self) -> None:
-        """Checks that walks stay inside the arrays and end.
+        """Checks that these are trees, whose walks stay inside the arrays and end soon.
 
         Raises:
-            ModelError: they would not.
+            ModelError: they are not.
         """
         nodes = np.arange(len(self.left))
         leaf = self.left == nodes
@@ -80,6 +82,14 @@ class Trees:
         inside &= np.all((self.root >= 0) & (self.root < len(nodes)))
         if not inside:
             raise ModelError("trees: a node points outside the arrays")
+        inner = np.flatnonzero(~leaf)
+        parents = np.bincount(np.concatenate([self.left[inner], self.left[inner] + 1, self.root]), minlength=len(nodes))
+        if np.any(parents != 1):
+            raise ModelError("trees: a node is below two others, or below none")
+        if np.any(np.isnan(self.threshold)) or np.any(np.isneginf(self.threshold)):
+            raise ModelError("trees: a threshold is no number")
+        if np.max(self.depths, initial=0) > DEEPEST:
+            raise ModelError(f"trees: one is more than {DEEPEST} levels deep")
 
     @cached_property
     def depths(self) -> Int[np.ndarray, "tree"]:
@@ -92,6 +102,8 @@ class Trees:
             if not len(node):
                 return depth
             level += 1
+            if level > DEEPEST:
+                return depth + level
             depth[tree] = level
             node, tree = np.concatenate([node, node + 1]), np.concatenate([tree, tree])
 

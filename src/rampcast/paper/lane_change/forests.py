@@ -5,7 +5,7 @@ Source: Li, Fischer, Kontar, Ahn, arXiv 2108.10397, section "RF Classifier".
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import Final
 
@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from rampcast.errors import ModelError
 from rampcast.forecast.tables import TIMES
+from rampcast.models.plain_data import MAY_BE_MISSING
 from rampcast.models.trees import Forests, Tree, classification_tree, joined, leaf
 from rampcast.paper.lane_change.features import FEATURE_NAMES, GROUPINGS
 from rampcast.paper.lane_change.sets import KINDS, Anchors, Reading, SampleSet, Sampling, sample_set
@@ -83,7 +84,7 @@ class LaneChangeForests:
     packed: Forests
     training: Int[np.ndarray, "32"]
     counts: Int[np.ndarray, "32 4"]
-    importance: Float[np.ndarray, "32 42"]
+    importance: Float[np.ndarray, "32 42"] = field(metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         """Checks that there are 32 forests of as many trees as the spec says, over the 42 features.

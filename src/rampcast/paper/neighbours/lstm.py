@@ -12,6 +12,7 @@ import optax
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from rampcast.compute import Block, blocks, computing, jax, jnp, padded
+from rampcast.errors import ModelError
 from rampcast.horizon import PAST
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.windows import WINDOW
@@ -117,6 +118,19 @@ class NeighbourLstm:
     lowest: Float[np.ndarray, "window"]
     highest: Float[np.ndarray, "window"]
     losses: Float[np.ndarray, "epoch"]
+
+    def __post_init__(self) -> None:
+        """Checks that its weights are of as many units as the spec says.
+
+        Raises:
+            ModelError: they are not.
+        """
+        units = {
+            len(self.network.output),
+            *(cell.bias.shape[0] / 4 for cell in (*self.network.encoder, *self.network.decoder)),
+        }
+        if units != {self.spec.units}:
+            raise ModelError(f"units: expected {self.spec.units} in each layer, as the spec says, got {sorted(units)}")
 
     @computing()
     def predict(self, past: Float[np.ndarray, "vehicle past"], *, steps: int) -> Float[np.ndarray, "vehicle step"]:
