@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,10 +110,7 @@ def download(
         with _with_advice(source), open_client(patience, login) as client:
             if source.resource:
                 table = Portal(source, portal.rstrip("/"), path, client, patience, note)
-
-                def noted(whole: Path, plan: Plan) -> Download:
-                    return _note(source, path, f"{plan.url}.csv", whole, rows=plan.rows)
-
+                noted = partial(_note_of_table, source, path)
                 found = table.fetch(limit=limit, page_rows=page_rows, tell=tell, note=noted)
             else:
                 found = _fetched_file(source, portal, path, client, patience, tell, note)
@@ -207,6 +205,10 @@ def _replaced(source: DataSet) -> str:
         f"Call the same command again; if that does not help, the portal has replaced the file: get it by hand at "
         f"{source.page}, unpack it and read its texts with `rampcast inspect`"
     )
+
+
+def _note_of_table(source: DataSet, path: Path, whole: Path, plan: Plan) -> Download:
+    return _note(source, path, f"{plan.url}.csv", whole, rows=plan.rows)
 
 
 def _note(source: DataSet, path: Path, url: str, whole: Path, rows: int = 0) -> Download:
