@@ -103,15 +103,14 @@ def download(
     Raises:
         DownloadError: it has to be asked for, cannot be got, or is not as the portal or its reader says.
     """
-    source = data_set(name)
-    path = _path(source, folder, limit)
+    path = _path(source := data_set(name), folder, limit)
     portal, login = without_login(portal)
     if (found := _already_there(source, path)) is None:
         with _with_advice(source), open_client(patience, login) as client:
             if source.resource:
                 table = Portal(source, portal.rstrip("/"), path, client, patience, note)
-                noted = partial(_note_of_table, source, path)
-                found = table.fetch(limit=limit, page_rows=page_rows, tell=tell, note=noted)
+                noting = partial(_note_of_table, source, path)
+                found = table.fetch(limit=limit, page_rows=page_rows, tell=tell, note=noting)
             else:
                 found = _fetched_file(source, portal, path, client, patience, tell, note)
     else:
