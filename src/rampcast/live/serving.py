@@ -90,6 +90,7 @@ def serve(
     address: Address = Address(),
     page: Path | None = None,
     announce: Callable[[str], None] | None = None,
+    logs: bool = True,
 ) -> None:
     """Serves sites until it is interrupted.
 
@@ -100,6 +101,7 @@ def serve(
         address: where it listens, and who may come in.
         page: folder of the page; None for the one that comes along.
         announce: called with the address when it listens.
+        logs: whether events are written to the error stream.
 
     Raises:
         RampcastError: the address is not safe, or taken.
@@ -110,7 +112,8 @@ def serve(
         from rampcast.live.web import PAGE, application
     except ImportError as error:
         raise MissingExtra('serving needs more packages; run: pip install "rampcast[live]"') from error
-    write_log()
+    if logs:
+        write_log()
     service = Service({station.name: station for station in stations}, choices, sources)
     app = application(service, guard=address.guard, page=page or PAGE)
     listening = _listen(address)

@@ -18,6 +18,7 @@ from rampcast.live.entrance import Entrance
 from rampcast.live.frames import FrameError
 from rampcast.live.geo import site_geojson
 from rampcast.live.guard import Bucket, Guard
+from rampcast.live.near_misses import near_misses
 from rampcast.live.replay import Replay
 from rampcast.live.service import Service
 from rampcast.live.sockets import alarm_socket, ingest_socket, live_socket
@@ -188,9 +189,10 @@ def _replay(request: Request) -> Replay:
 
 
 async def replay_state(request: Request) -> Response:
-    """Answers where the replay is, and when vehicles of the recording merge."""
+    """Answers where the replay is, when vehicles of the recording merge, and which merges were dangerous."""
     replay = _replay(request)
-    return answer({"site": replay.station, **replay.state, "merges": replay.merges()})
+    marks = {"merges": replay.merges(), "conflicts": near_misses(replay.recording)}
+    return answer({"site": replay.station, **replay.state, **marks})
 
 
 async def replay_control(request: Request) -> Response:

@@ -54,8 +54,8 @@ export class AlarmList {
     const level = LEVELS[one.kind] ?? "note";
     const words = (WORDS[one.kind] ?? (() => `${one.kind.replaceAll("_", " ")} ${one.subject ?? ""}`))(one);
     const button = element("button", { type: "button", className: one.over ? "alarm over" : "alarm" },
-      element("span", { className: "sign", textContent: SIGNS[level], ariaHidden: "true" }),
-      element("span", { textContent: one.over ? `${words} (over)` : words }),
+      element("span", { className: "sign", textContent: one.over ? "✓" : SIGNS[level], title: one.over ? "over" : level }),
+      element("span", { textContent: words }),
       element("time", { textContent: moment(one.t_obs_ms ?? one.t_pub_ms) }));
     button.dataset.level = level;
     button.onclick = () => this.onFollow?.(one.subject);

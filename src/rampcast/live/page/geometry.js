@@ -5,7 +5,7 @@ import { clamp } from "./format.js";
 const WIDEST = 5; // [m] of a lane in a drawing
 const USUAL = 3.6; // [m] of a lane whose width no neighbour tells
 const BIN = 10; // [m] of the ramp over which places are averaged
-const ENOUGH = 5; // vehicles seen in a bin before it is believed
+const ENOUGH = 3; // times that a vehicle was seen in a bin before it is believed
 const TAPER = 0.75; // of the way from gore to end a ramp lane keeps its width, unless more is known
 
 export class Geometry {
@@ -66,10 +66,9 @@ export class Geometry {
       }
       if (one.y === null || !this.rampLanes.has(one.lane) || one.x < 0 || one.x >= this.gore) continue;
       const bin = Math.floor(one.x / BIN);
-      const seen = this.bins.get(bin) ?? { n: 0, y: 0, ids: new Set() };
+      const seen = this.bins.get(bin) ?? { n: 0, y: 0 };
       seen.n += 1;
       seen.y += (one.y - seen.y) / Math.min(seen.n, 400);
-      if (seen.ids.size < ENOUGH) seen.ids.add(one.id);
       this.bins.set(bin, seen);
     }
   }
@@ -92,7 +91,7 @@ export class Geometry {
   }
 
   knownRamp() {
-    return [...this.bins].filter(([, seen]) => seen.ids.size >= ENOUGH || seen.n > 40).sort((a, b) => a[0] - b[0])
+    return [...this.bins].filter(([, seen]) => seen.n >= ENOUGH).sort((a, b) => a[0] - b[0])
       .map(([bin, seen]) => ({ x: (bin + 0.5) * BIN, y: seen.y })).filter((one) => one.x < this.gore - BIN / 2);
   }
 

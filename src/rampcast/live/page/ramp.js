@@ -72,7 +72,7 @@ class Row {
     const { parts } = this;
     parts.when.textContent = when === null ? "not in 15 s" : `${when.toFixed(1)} s`;
     const [early, late] = one.p_merged ? [reaches(one.p_merged, 0.05), reaches(one.p_merged, 0.95)] : [null, null];
-    parts.span.textContent = when === null ? (last > 0 ? `likely: ${percent(1 - last)}` : "") : `${(early ?? 0).toFixed(1)} to ${late === null ? "> 15" : late.toFixed(1)} s`;
+    parts.span.textContent = when === null ? (last > 0 ? `with ${percent(1 - last)}` : "") : `${(early ?? 0).toFixed(1)} to ${late === null ? "> 15" : late.toFixed(1)} s`;
     this.button.classList.toggle("late", when === null);
     this.button.setAttribute("aria-pressed", followed);
     parts.age.textContent = one.age_ms < 1000 ? `${(one.age_ms / 1000).toFixed(1)} s` : `${Math.round(one.age_ms / 1000)} s`;

@@ -12,6 +12,8 @@ const CLOSEST = 24;
 const STRETCH = 2.2; // by which lanes may be drawn wider than long
 const BELOW = 17; // [pixels] for the scale of distances
 const NEAR = 9; // [pixels] by which a click may miss
+const LIKELY = 0.2; // probability to merge within 15 s from which its forecast is drawn when nobody is followed
+const APART = 34; // [pixels] between the names of two ghosts
 const SHOWN_SHARE = 0.08; // of the futures, below which a ghost is not drawn
 const MODES = ["ramp", "followed", "all"];
 
@@ -200,7 +202,8 @@ export class Road {
     if (this.mode === "followed" || (own.length && this.mode === "ramp")) return own;
     if (this.mode === "all") return shown.filter(({ one }) => one.q);
     return shown.filter(({ one }) => one.q && one.p_merged && this.store.onRamp(one))
-      .map((each) => ({ ...each, when: reaches(each.one.p_merged, 0.5) })).filter(({ when }) => when !== null)
+      .filter(({ one }) => one.p_merged[one.p_merged.length - 1] >= LIKELY)
+      .map((each) => ({ ...each, when: reaches(each.one.p_merged, 0.5) ?? 99 - each.one.p_merged[each.one.p_merged.length - 1] }))
       .sort((a, b) => a.when - b.when).slice(0, FIRST);
   }
 
@@ -238,7 +241,7 @@ export class Road {
         context.fillRect(this.X(lower), Y - 4, (Math.min(upper, until) - lower) * this.scale, 8);
         context.globalAlpha = 0.25 + 0.75 * share;
         this.drawGhost(context, one, middle, Y, ahead, colour);
-        if (alone && share >= 0.5) this.labels.push(() => text(context, `+${ahead} s`, this.X(middle - one.length / 2), Y - this.high(one) / 2 - 7, { colour: colours.ink, size: 10.5, weight: 650, align: "center", halo: colours.asphalt }));
+        if (alone && share >= 0.5 && (ahead === GHOSTS[0] || this.X(middle) - this.X(at(one.q.map((levels) => levels[MEDIAN]), GHOSTS[0] + this.lag)) > APART)) this.labels.push(() => text(context, `+${ahead} s`, this.X(middle - one.length / 2), Y - this.high(one) / 2 - 7, { colour: colours.ink, size: 10.5, weight: 650, align: "center", halo: colours.asphalt }));
       }
       context.globalAlpha = 1;
       this.drawTruth(context, one, ahead);
