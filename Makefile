@@ -1,6 +1,7 @@
 # make demo   installs and runs the whole job on the shipped simulated recordings; leaves out/demo/report.html
 # make test   installs and runs all tests
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
+# make view   installs and plays a simulated recording with its forecasts in the browser
 # make pretrained   trains the model that the wheel brings along, from the recordings in RAMPCAST_DATA and the shipped ones
 PYTHON ?= python3
 VENV := .venv
@@ -9,10 +10,13 @@ BIN := $(VENV)/bin
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick check bench bench-smoke docs sample pretrained clean
+.PHONY: demo view test quick check bench bench-smoke docs sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
+
+view: $(VENV)/.installed-live
+	$(BIN)/rampcast view
 
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest
