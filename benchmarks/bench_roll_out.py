@@ -23,9 +23,10 @@ from measure import how_many, once, print_ratio  # noqa: E402
 from rampcast.forecast.calibrated import CalibratedSpec  # noqa: E402
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec, fit, forecast_traffic  # noqa: E402
 from rampcast.forecast.roll_out import begin, drive  # noqa: E402
-from rampcast.forecast.roll_out_kernel import Draws, Law  # noqa: E402
+from rampcast.forecast.roll_out_arrays import Draws, Law  # noqa: E402
 from rampcast.horizon import FUTURE  # noqa: E402
 from rampcast.models.correction import CorrectionSpec  # noqa: E402
+from rampcast.models.driver_loops import free_table  # noqa: E402
 from rampcast.recording import clean  # noqa: E402
 from rampcast.traffic.moments import Traffic  # noqa: E402
 from rampcast.traffic.situation import situation_of_traffic  # noqa: E402
@@ -104,7 +105,7 @@ def plain_loop(forecaster: Forecaster, beginning) -> None:
     noise = rng.standard_normal((SMALL, FEW, FUTURE))
     draws = Draws(noise, rng.exponential(size=(SMALL, FEW)), rng.exponential(size=(SMALL, FEW)))
     driver, rate = rng.integers(0, 64, (SMALL, FEW)), np.ones((SMALL, FUTURE))
-    learned = Law(model.main.table, numbers, hazard)
+    learned = Law(model.main.table, free_table(model.main.table), numbers, hazard)
     for sample in range(FEW):
         Plain(start, learned, draws, driver, rate, np.ones(SMALL, dtype=bool), sample).run()
 

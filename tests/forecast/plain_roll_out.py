@@ -8,7 +8,7 @@ import numpy as np
 
 from rampcast.forecast import roll_out_kernel as kernel
 from rampcast.horizon import FUTURE, STEP
-from rampcast.models.driver_loops import HARDEST, own_gap
+from rampcast.models.driver_loops import HARDEST, freely, own_gap
 from rampcast.models.merge_loops import merge_features
 from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY
 
@@ -24,6 +24,7 @@ class Vehicle:
     v: float
     lane: int
     driver: Sequence[float]
+    number: int  # of the driver
     extra: float
     ready: float
     fastest: float
@@ -48,6 +49,7 @@ class Plain:
                 v=float(start.v[i]),
                 lane=int(start.lane[i]),
                 driver=own(learned.drivers[driver[i, sample]].tolist(), float(start.v[i]), float(start.gap[i])),
+                number=int(driver[i, sample]),
                 extra=float(start.residual[i]),
                 ready=float(start.ready[i]),
                 fastest=max(learned.numbers[8], float(start.v[i])),
@@ -165,13 +167,13 @@ class Plain:
 
     def accelerates(self, one, k):
         """Returns the acceleration [m/s^2]."""
-        persistence, kick, returning, head, freely, putative, courtesy = self.learned.numbers[:7]
-        highest, braking, desired, exponent = one.driver[2:6]
+        persistence, kick, returning, head, share, putative, courtesy = self.learned.numbers[:7]
+        highest, braking = one.driver[2:4]
         noise, ahead = self.noise[one.row][k], one.leader
         one.extra = persistence * one.extra + kick * noise
-        free = highest * (1.0 - (max(one.v, 0.1) / desired) ** exponent)
+        free = freely(self.learned.free[one.number], one.v)
         if ahead is None:
-            a = (self.start.around[one.row] - one.v) * returning + freely * free + noise * head / STEP
+            a = (self.start.around[one.row] - one.v) * returning + share * free + noise * head / STEP
         else:
             a = min(max(idm(one, ahead, self.gap(one, ahead), free), -braking), highest)
         merging, beside = self.target[one.lane] != NOBODY, one.beside

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rampcast.forecast.calibrated import Calibrated, CalibratedSpec, rolled_rows
-from rampcast.forecast.learning import Training, fit_base
+from rampcast.forecast.learning import Training, _of_whole_merges, fit_base
 from rampcast.traffic.situation import situation_of_scenes
 from tests.forecast.merges_made_up import merges
 
@@ -70,3 +70,13 @@ def test_what_became_of_the_vehicles_of_a_block_does_not_move_their_out_of_fold_
         np.testing.assert_array_equal(getattr(right, field.name), getattr(same, field.name), err_msg=field.name)
     seen, moved = (out_of_fold(some, test, train[:9]) for some in (training, wrong))
     assert np.abs(seen.median - moved.median).max() > 0.1
+
+
+def test_manners_are_not_learned_from_windows_whose_vehicles_vanish_when_they_merge(training):
+    some = replace(
+        training.select(np.arange(5)),
+        change_time=np.array([3.0, np.nan, 4.0, 5.0, np.nan]),
+        seen_for=np.array([3.0, 15.0, 12.0, 5.0, 15.0]),
+        group=np.array(["0-a", "0-b", "1-a", "1-b", "2-a"]),
+    )
+    np.testing.assert_array_equal(_of_whole_merges(some), [False, False, True, True, True])

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.forecast.roll_out import Manners, begin, drawn_drivers, drive, drive_waiting
-from rampcast.forecast.roll_out_kernel import Draws, Law
+from rampcast.forecast.roll_out_arrays import Draws, Law
 from rampcast.forecast.roll_out_kernel import drive as kernel_drive
 from rampcast.horizon import FUTURE
+from rampcast.models.driver_loops import free_table
 from rampcast.threads import choosing_threads
 from rampcast.traffic.situation import joined_situations, situation_of_traffic
 from tests.forecast.plain_roll_out import Plain
@@ -41,7 +42,8 @@ def test_the_compiled_roll_out_is_what_a_plain_loop_makes_of_it(seed):
     start = beginning.start._replace(draw=np.arange(6), residual=rng.normal(0.0, 0.3, 6))
     hazard = np.array([*made.hazard.weights, made.hazard.constant, made.hazard.first, made.hazard.last])
     numbers = np.array([0.9, 0.2, 1 / 20.0, 0.1, 0.5, 0.5, 0.4, 0.1, 30.0])
-    learned = Law(np.concatenate([made.main.table, made.ramp.table]), numbers, hazard)
+    drivers = np.concatenate([made.main.table, made.ramp.table])
+    learned = Law(drivers, free_table(drivers), numbers, hazard)
     driver, rate, may = rng.integers(0, 32, (6, SAMPLES)), rng.uniform(0.2, 3.0, (6, FUTURE)), np.arange(6) != 1
     x, lane = np.empty((6, SAMPLES, FUTURE), np.float32), np.empty((6, SAMPLES, FUTURE), np.int16)
     seen, can = np.empty((6, SAMPLES, 0, len(hazard) - 3)), np.zeros((6, SAMPLES, 0), dtype=bool)

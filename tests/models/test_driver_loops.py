@@ -6,7 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rampcast.horizon import STEP
-from rampcast.models.driver_loops import HARDEST, NARROWEST, WIDEST, free, law, own_gap, stopping
+from rampcast.models.driver_loops import (
+    FINE,
+    HARDEST,
+    NARROWEST,
+    WIDEST,
+    able_to_stop,
+    free,
+    free_table,
+    freely,
+    law,
+    own_gap,
+    stopping,
+)
 from rampcast.physics import idm
 
 pytestmark = pytest.mark.usefixtures("double_precision")
@@ -71,3 +83,20 @@ def test_a_driver_of_full_habit_keeps_speed_in_the_gap_of_now(driver, v, gap):
 
 def test_behind_nobody_there_is_no_habit():
     assert own_gap(1.0, 2.0, 1.2, 20.0, 4.0, 10.0, np.inf) == 1.0
+
+
+@given(st.floats(0.3, 3.0), st.floats(15.0, 50.0), st.floats(1.0, 8.0), SPEEDS)
+@settings(deadline=None)
+def test_free_accelerations_of_the_table_are_those_of_the_law_to_5_mm_per_square_second(highest, desired, exponent, v):
+    driver = np.array([[2.0, 1.2, highest, 2.0, desired, exponent, 0.0]])
+    close = 0.005 * max(1.0, (max(v, FINE) / desired) ** (exponent - 2.0))  # its second derivative grows so
+    assert freely(free_table(driver)[0], v) == pytest.approx(free(highest, desired, exponent, v), abs=close)
+
+
+@given(SPEEDS, st.floats(-5.0, 400.0), SPEEDS, st.floats(0.0, 9.0))
+@settings(deadline=None)
+def test_a_place_told_without_the_root_is_that_told_with_it(speed, rear, leader_v, place):
+    place = max(place, speed * STEP)
+    assert able_to_stop(place, 0.0, rear, leader_v) == pytest.approx(
+        min(place, stopping(0.0, rear, leader_v)), abs=1e-9
+    )

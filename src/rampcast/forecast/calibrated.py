@@ -98,8 +98,8 @@ class Calibrated:
             scale: by how much farther apart the quantiles are to be than learned, at each of `KNOTS`; None for 1.
         """
         samples = samples or self.spec.samples
-        rate = merge_rates(self.base, situation, scenes, vehicle)
         beginning = begin(self.base.roll_out, situation)
+        rate = merge_rates(self.base, beginning, scenes, vehicle)
         driven = drive(self.base.roll_out, beginning, samples=samples, seed=self.base.seed, rate=rate)
         if self.in_lane is None and self.merging is None and scale is None:
             return beginning, driven
@@ -321,8 +321,8 @@ def rolled_rows(model: Calibrated, training: Training) -> RolledRows:
     parts = []
     for some in _chunks(training):
         situation, vehicle = some.situation, some.vehicle
-        rate = merge_rates(model.base, situation, some.scenes, vehicle)
         beginning = begin(model.base.roll_out, situation)
+        rate = merge_rates(model.base, beginning, some.scenes, vehicle)
         wanted = np.zeros(situation.first[-1], dtype=bool)
         wanted[vehicle] = True
         place = np.cumsum(wanted)[vehicle] - 1

@@ -135,8 +135,10 @@ class Forecast:
     @cached_property
     def merge_step(self) -> Int[np.ndarray, "vehicle sample"]:
         """Returns the first step in the target lane of those who start in a ramp lane; else the number of steps."""
-        there = (self.lane == self.site.target_lane) & self.on_ramp[:, None, None]
-        return np.where(there.any(axis=2), there.argmax(axis=2), self.samples.shape[2])
+        found = np.full(self.lane.shape[:2], self.samples.shape[2])
+        there = self.lane[self.on_ramp] == self.site.target_lane
+        found[self.on_ramp] = np.where(there.any(axis=2), there.argmax(axis=2), self.samples.shape[2])
+        return found
 
     @cached_property
     def p_merged(self) -> Float[np.ndarray, "vehicle step"]:

@@ -156,7 +156,7 @@ def forecast_traffic(
         start_lane=known[situation.lane].astype(np.int64),
         length=situation.length,
         samples=driven.x,
-        lane=known.take(driven.lane),
+        lane=known.take(driven.lane, mode="clip"),
     )
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from rampcast.forecast.roll_out import Manners, RollOut, begin, drive, drive_waiting
+from rampcast.forecast.roll_out import Beginning, Manners, RollOut, begin, drive, drive_waiting
 from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
 from rampcast.models.disturbance import fit_disturbance
 from rampcast.models.drivers import DriverPrior, fit_drivers
@@ -25,8 +24,10 @@ from rampcast.traffic.situation import NOBODY, Situation, joined_situations, sit
 
 PASSES = 2  # of learning the hazard: the second with those ahead merging by the first
 LEARNING_SAMPLES = 4  # futures of each training vehicle that the hazard is learned from
-PUTATIVE, COURTESIES = (0.0, 0.25, 0.5), (0.0, 0.2, 0.4)  # weights that are tried; the paper's actual leader has 0.5
-MOMENTS_OF_MANNERS = 60  # that they are tried at
+PUTATIVE = (0.0, 0.1, 0.2, 0.3, 0.5)  # weights that are tried; the paper's actual leader has 0.5
+COURTESIES = (0.0, 0.1, 0.2, 0.4)
+MOMENTS_OF_MANNERS = 150  # that they are tried at
+MANNERS_SAMPLES = 10  # of which the median is compared with the truth
 FOREST_FOLDS = 3  # by which it is chosen how far the forest counts
 FEW_SAMPLES = 25  # futures by which a hazard is compared with the forest
 SPEED_MARGIN = 1.1  # the speed limit over the highest speed in training
@@ -194,15 +195,18 @@ def _with_hazard(model: RollOut, training: Training, seed: int) -> RollOut:
 def _with_manners(model: RollOut, training: Training, seed: int) -> RollOut:
     """Returns the roll-out with the weights by which those who see somebody beside them go nearest to where they did.
 
-    These are vehicles on the ramp, until they merge, and vehicles of their target lane.
+    These are vehicles on the ramp, before and after they merge, and vehicles of their target lane. Where none is seen
+    any more once it has merged, those that are seen are the slow ones, and teach that all are.
     """
     situation = training.situation
     source = situation.source[situation.moment[training.vehicle], situation.lane[training.vehicle]] != NOBODY
-    moments = np.unique(situation.moment[training.vehicle[training.merging | source]])
+    about = (training.merging | source) & _of_whole_merges(training)
+    if not about.any():
+        return model
+    moments = np.unique(situation.moment[training.vehicle[about]])
     chosen = moments[:: -(-len(moments) // MOMENTS_OF_MANNERS)]
-    rows = np.flatnonzero(np.isin(situation.moment[training.vehicle], chosen) & (training.merging | source))
-    some = training.select(rows)
-    truth, start = some.in_lane[:, WHOLE_SECONDS], some.situation.x[some.vehicle, -1]
+    some = training.select(np.flatnonzero(np.isin(situation.moment[training.vehicle], chosen) & about))
+    truth, start = some.truth[:, WHOLE_SECONDS], some.situation.x[some.vehicle, -1]
     beginning = begin(model, some.situation)
     wanted = np.zeros(some.situation.first[-1], dtype=bool)
     wanted[some.vehicle] = True
@@ -210,15 +214,21 @@ def _with_manners(model: RollOut, training: Training, seed: int) -> RollOut:
 
     def error(manners: Manners) -> float:
         tried = replace(model, manners=manners)
-        driven = drive(tried, beginning, samples=FEW_SAMPLES, seed=seed, wanted=wanted)
+        driven = drive(tried, beginning, samples=MANNERS_SAMPLES, seed=seed, wanted=wanted)
         left = np.median(driven.x[place][:, :, WHOLE_SECONDS], axis=1) - start[:, None] - truth
         return float(np.nanmean(np.abs(left)))
 
-    tried = [
-        replace(model.manners, putative_leader=leader, courtesy=courtesy)
-        for leader, courtesy in product(PUTATIVE, COURTESIES if source.any() else COURTESIES[:1])
-    ]
-    return replace(model, manners=min(tried, key=error))
+    manners = min((replace(model.manners, putative_leader=weight) for weight in PUTATIVE), key=error)
+    courtesies = COURTESIES if source.any() else COURTESIES[:1]
+    return replace(model, manners=min((replace(manners, courtesy=weight) for weight in courtesies), key=error))
+
+
+def _of_whole_merges(training: Training) -> Bool[np.ndarray, "row"]:
+    """Returns whose windows have vehicles that are seen after they have merged, or none that merges."""
+    window = np.array([str(group).split("-")[0] for group in training.group])
+    merges = np.isfinite(training.change_time)
+    beyond = training.seen_for > training.change_time + STEP / 2.0
+    return ~np.isin(window, np.setdiff1d(window[merges], window[beyond]))
 
 
 def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:
@@ -238,22 +248,23 @@ def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:
 
 
 def merge_rates(
-    base: Base, situation: Situation, scenes: MergeScenes, vehicle: Int[np.ndarray, "row"]
+    base: Base, beginning: Beginning, scenes: MergeScenes, vehicle: Int[np.ndarray, "row"]
 ) -> Float[np.ndarray, "vehicle step"] | None:
     """Returns by what the hazard of every vehicle is multiplied, for the curves of the forest; None for no change.
 
     Args:
         base: see there.
-        situation: all vehicles.
+        beginning: of all vehicles.
         scenes: of the vehicles whose curve is wanted.
         vehicle: place of each of these in the situation.
     """
+    situation = beginning.situation
     may = np.flatnonzero(scenes.may_merge & (situation.target[situation.moment, situation.lane] != NOBODY)[vehicle])
     if base.forest is None or base.forest.trees is None or not len(may):
         return None
     wanted = np.zeros(situation.first[-1], dtype=bool)
     wanted[vehicle[may]] = True
-    found = drive(base.roll_out, begin(base.roll_out, situation), samples=FEW_SAMPLES, seed=base.seed, wanted=wanted)
+    found = drive(base.roll_out, beginning, samples=FEW_SAMPLES, seed=base.seed, wanted=wanted)
     place = np.cumsum(wanted)[vehicle[may]] - 1
     rolled = _by_then(found.chance[place])
     rate = np.ones((len(wanted), FUTURE))

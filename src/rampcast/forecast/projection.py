@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import uniform_filter1d
 
-from rampcast.forecast.roll_out_kernel import sorted_by_place
+from rampcast.forecast.roll_out_kernel import FAST, sorted_by_place
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS
-from rampcast.models.driver_loops import HARDEST, stopping
+from rampcast.models.driver_loops import HARDEST, able_to_stop
 
 ANCHORS = np.array([4, 24, 49, 74, 94])  # of `LEVELS`: 5, 25, 50, 75 and 95 %, between which samples move alike
 MIDDLE = 2  # of these: the median
@@ -77,7 +77,7 @@ def shifts(x: Any, counts: Any, wanted: Any, out: Any) -> None:
                 out[row, s, knot] = moved - x[row, s, knot]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def _change(i: int, to: int, x: Any, lane: Any, length: Any, beside: Any) -> None:
     """Moves a vehicle to a lane if there is room; else it, and who is behind it there, yield."""
@@ -99,7 +99,7 @@ def _change(i: int, to: int, x: Any, lane: Any, length: Any, beside: Any) -> Non
         beside[behind] = i
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def _drive(
     order: Any, place: Any, speed: Any, wanted: Any, fastest: Any, lane: Any, length: Any, end: Any, beside: Any,
@@ -111,11 +111,10 @@ def _drive(
         i = order[j]
         slow, fast = max(speed[i] - HARDEST * STEP, 0.0), min(speed[i] + STRONGEST * STEP, fastest[i])
         at = min(max(wanted[i], place[i] + slow * STEP), place[i] + fast * STEP)
-        at = min(at, stopping(place[i], end[lane[i]], 0.0))
+        at = able_to_stop(at, place[i], end[lane[i]], 0.0)
         for other in (last[lane[i]], beside[i]):
             if other != NOBODY:
-                rear, leader_v = moved[other] - length[other], (moved[other] - place[other]) / STEP
-                at = min(at, stopping(place[i], rear, leader_v))
+                at = able_to_stop(at, place[i], moved[other] - length[other], (moved[other] - place[other]) / STEP)
         moved[i] = max(at, place[i])
         last[lane[i]] = i
     for i in range(len(place)):
@@ -123,7 +122,7 @@ def _drive(
         place[i] = moved[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def project(
     start: Any, fastest: Any, shift: Any, over_time: Any, near: Any, moments: Any, samples: Any, x: Any, lanes: Any

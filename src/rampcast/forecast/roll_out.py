@@ -10,11 +10,12 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rampcast.forecast.roll_out_arrays import Draws, Law, Start
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.disturbance import Disturbance, residuals_now
 from rampcast.models.drivers import DriverPrior, posteriors, with_habit
@@ -22,9 +23,6 @@ from rampcast.models.merging import UNKNOWN_OFFSET, MergeHazard
 from rampcast.models.platoon_head import Head
 from rampcast.threads import in_threads, thread_count
 from rampcast.traffic.situation import ROWS_OF_DRAWS, Situation
-
-if TYPE_CHECKING:
-    from rampcast.forecast.roll_out_kernel import Draws, Start
 
 Task = tuple[int, int, int, int]
 Result = TypeVar("Result")
@@ -98,14 +96,12 @@ class Beginning:
     """
 
     situation: Situation
-    start: "Start"
+    start: Start
     weights: Float[np.ndarray, "vehicle driver"]
 
 
 def begin(model: RollOut, situation: Situation) -> Beginning:
     """Returns the situation with what its histories tell of the drivers."""
-    from rampcast.forecast.roll_out_kernel import Start  # numba: only who forecasts waits for it
-
     merging = situation.merging
     weights, expected = (
         np.empty((len(merging), len(model.main.drivers))),
@@ -176,8 +172,6 @@ def drive_waiting(model: RollOut, beginning: Beginning, *, samples: int, seed: i
 
 def drive_average(model: RollOut, beginning: Beginning) -> Float[np.ndarray, "vehicle step"]:
     """Returns fronts [m] if all drivers were the average one, did nothing beside their law, and did not merge."""
-    from rampcast.forecast.roll_out_kernel import Draws
-
     start = beginning.start._replace(residual=np.zeros_like(beginning.start.residual))
     count = len(beginning.weights)
     still = Draws(
@@ -230,8 +224,8 @@ def _driven(
 
 def _filled(
     model: RollOut,
-    start: "Start",
-    draws: "Draws",
+    start: Start,
+    draws: Draws,
     drivers: Float[np.ndarray, "driver param_and_habit"],
     driver: Int[np.ndarray, "vehicle sample"],
     *,
@@ -241,8 +235,8 @@ def _filled(
     watched: int,
 ) -> Driven:
     """Returns what the kernel fills in, moments or samples shared out among the threads."""
-    from rampcast.forecast.roll_out_kernel import Law
-    from rampcast.forecast.roll_out_kernel import drive as run
+    from rampcast.forecast.roll_out_kernel import drive as run  # numba: only who forecasts waits for it
+    from rampcast.models.driver_loops import free_table
 
     samples, moments = driver.shape[1], len(start.first) - 1
     row = np.where(wanted, np.cumsum(wanted) - 1, -1)
@@ -255,7 +249,7 @@ def _filled(
         can=np.zeros((count, samples, watched), dtype=bool),
     )
     hazard = np.array([*model.hazard.weights, model.hazard.constant, model.hazard.first, model.hazard.last])
-    learned = Law(drivers, _numbers(model), hazard)
+    learned = Law(drivers, free_table(drivers), _numbers(model), hazard)
 
     def work(task: Task) -> Float[np.ndarray, "vehicle step"]:
         chance = np.zeros(rate.shape)
@@ -301,10 +295,8 @@ def _numbers(model: RollOut) -> Float[np.ndarray, "number"]:
 
 
 @lru_cache(maxsize=4)  # of the last few seeds and numbers of samples: they take longer to draw than a forecast
-def _draws(rows: int, samples: int, seed: int) -> tuple["Draws", Int[np.ndarray, "row sample"]]:
+def _draws(rows: int, samples: int, seed: int) -> tuple[Draws, Int[np.ndarray, "row sample"]]:
     """Returns noise with mean zero over the samples, stratified thresholds (unit exponential), orders of drivers."""
-    from rampcast.forecast.roll_out_kernel import Draws
-
     ordering, merging, changing, driving = np.random.default_rng(seed).spawn(4)  # so that few rows begin as many do
     share = (np.arange(samples) + 0.5) / samples
     order = np.stack([ordering.permutation(samples) for _ in range(rows)])

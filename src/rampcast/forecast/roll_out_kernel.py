@@ -4,15 +4,15 @@ Who leads whom is found anew at every step, from downstream to upstream, so a ve
 whoever is behind it by then. Plain loops: see docs/decisions/roll_out.md for what was measured.
 """
 
-from typing import Any, NamedTuple, no_type_check
+from typing import Any, no_type_check
 
 import numba
 import numpy as np
-from jaxtyping import Float, Int
 
+from rampcast.forecast.roll_out_arrays import NOBODY, Draws, Law, Start
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.driver_loops import HARDEST as BRAKING
-from rampcast.models.driver_loops import clip, free, law, own_gap, stopping
+from rampcast.models.driver_loops import able_to_stop, clip, freely, law, own_gap
 from rampcast.models.merge_loops import merge_features
 from rampcast.models.merging import LANE_GOES_ON, LONGEST_READY
 from rampcast.physics.minimums import MINIMUM_GAP
@@ -24,69 +24,7 @@ REGAINING = 0.3
 RELAXED = round(10.0 / STEP)  # steps until a fresh gap is as any other
 SAFE_GAP, SAFE_TIME = 2.0, 1.5  # [m], [s] of closing speed that a lane change between main lanes leaves
 WANTING = round(5.0 / STEP)  # steps for which a vehicle waits for such room, and then stays
-NOBODY = -1
 FAST = {"contract", "arcp", "nsz"}  # what is not exact to the last bit, but keeps infinity and NaN
-
-
-class Start(NamedTuple):
-    """What is known at t0, a row for each vehicle of each moment, and of each lane of each moment.
-
-    Attributes:
-        first: of the vehicles of each moment, and their number at the end.
-        order: vehicles of each moment from upstream to downstream, counted within it.
-        x, v, residual, around: front [m], speed [m/s], residual acceleration [m/s^2], and mean speed about [m/s].
-        length: [m].
-        gap: net, to the leader at t0 [m]; infinite behind nobody.
-        lane: index of the lane, within the moment.
-        offset, approach, ready: see `models.merging.merge_features`.
-        draw: row of the random numbers.
-        end, begin: where each lane ends, and from where on vehicles may leave it for its target [m].
-        target, source: lane that a lane merges into, and lane that merges into it; `NOBODY` for none.
-        left, right: lanes beside it that vehicles may change to; likewise.
-    """
-
-    first: Int[np.ndarray, "moments_and_one"]
-    order: Int[np.ndarray, "vehicle"]
-    x: Float[np.ndarray, "vehicle"]
-    v: Float[np.ndarray, "vehicle"]
-    residual: Float[np.ndarray, "vehicle"]
-    around: Float[np.ndarray, "vehicle"]
-    length: Float[np.ndarray, "vehicle"]
-    gap: Float[np.ndarray, "vehicle"]
-    lane: Int[np.ndarray, "vehicle"]
-    offset: Float[np.ndarray, "vehicle"]
-    approach: Float[np.ndarray, "vehicle"]
-    ready: Float[np.ndarray, "vehicle"]
-    draw: Int[np.ndarray, "vehicle"]
-    end: Float[np.ndarray, "moment lane"]
-    begin: Float[np.ndarray, "moment lane"]
-    target: Int[np.ndarray, "moment lane"]
-    source: Int[np.ndarray, "moment lane"]
-    left: Int[np.ndarray, "moment lane"]
-    right: Int[np.ndarray, "moment lane"]
-
-
-class Law(NamedTuple):
-    """What is learned, as numbers.
-
-    Attributes:
-        drivers: parameters of the IDM, and the habit.
-        numbers: persistence and kick of the residual; 1/relaxation [1/s], noise a step and share of the free
-            acceleration of heads; weight of the putative leader, courtesy; rate of lane changes [1/s]; highest speed.
-        hazard: weights, constant, first and last distance to the end of the lane; see `models.merging.MergeHazard`.
-    """
-
-    drivers: Float[np.ndarray, "driver param_and_habit"]
-    numbers: Float[np.ndarray, "number"]
-    hazard: Float[np.ndarray, "weight"]
-
-
-class Draws(NamedTuple):
-    """Random numbers, a row for each vehicle; see `Start.draw`."""
-
-    noise: Float[np.ndarray, "row sample step"]
-    threshold: Float[np.ndarray, "row sample"]
-    change: Float[np.ndarray, "row sample"]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
@@ -111,15 +49,17 @@ def _see(order: Any, lane: Any, target: Any, source: Any, last: Any, leader: Any
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
-def sorted_by_place(order: Any, x: Any) -> None:
-    """Puts vehicles that are nearly in order from upstream to downstream."""
+def sorted_by_place(order: Any, x: Any) -> bool:
+    """Puts vehicles that are nearly in order from upstream to downstream; returns whether any was not."""
+    new = False
     for j in range(1, len(order)):
-        i = order[j]
-        place = j
+        i, place = order[j], j
         while place > 0 and x[order[place - 1]] > x[i]:
             order[place] = order[place - 1]
             place -= 1
-        order[place] = i
+        if place < j:
+            order[place], new = i, True
+    return new
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
@@ -147,8 +87,8 @@ def _merges(
     k: int, order: Any, x: Any, v: Any, lane: Any, length: Any, offset: Any, approach: Any, ready: Any, gathered: Any,
     since: Any, leader: Any, lead: Any, lag: Any, threshold: Any, rate: Any, may: Any, end: Any, begin: Any,
     target: Any, hazard: Any, out: Any, chance: Any, seen: Any, can_merge: Any,
-) -> None:  # fmt: skip
-    """Moves those to their target lanes who merge now; keeps what their hazards saw where that is asked for."""
+) -> bool:  # fmt: skip
+    """Moves who merges now, keeps what hazards saw where that is asked for; returns whether anybody merged."""
     newest = NOBODY
     for j in range(len(order) - 1, -1, -1):
         i = order[j]
@@ -162,8 +102,7 @@ def _merges(
         room = lead_gap > 0.0 and lag_gap > 0.0
         # where the gore is not known, vehicles may merge from where the first of the training vehicles did
         into = x[i] - begin[here] if begin[here] > -np.inf else hazard[-2] - min(end[here] - x[i], LANE_GOES_ON)
-        can, watched = room and into >= 0.0, can_merge.shape[1] > 0 and not may[i]
-        waited = ready[i] if room else 0.0
+        can, watched, waited = room and into >= 0.0, can_merge.shape[1] > 0 and not may[i], ready[i] if room else 0.0
         ready[i] = min(waited + STEP, LONGEST_READY)
         if not (can or watched):
             continue
@@ -183,14 +122,19 @@ def _merges(
             if lag[i] != NOBODY:
                 leader[lag[i]], since[lag[i]] = i, 0
             newest = i
+    return newest != NOBODY
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def _changes(
     k: int, x: Any, v: Any, lane: Any, length: Any, since: Any, leader: Any, change: Any, left: Any, right: Any
-) -> None:  # fmt: skip
-    """Moves those to the main lane beside theirs who want to by now (`change` is the step), and find room."""
+) -> bool:  # fmt: skip
+    """Moves those to the main lane beside theirs who want to by now (`change` is the step), and find room.
+
+    Returns whether any did.
+    """
+    new = False
     for i in range(len(x)):
         if not change[i] <= k < change[i] + WANTING:
             continue
@@ -208,9 +152,10 @@ def _changes(
         closing = max(v[i] - v[ahead], 0.0) if ahead != NOBODY else 0.0
         closed = max(v[behind] - v[i], 0.0) if behind != NOBODY else 0.0
         if lead_gap > SAFE_GAP + SAFE_TIME * closing and lag_gap > SAFE_GAP + SAFE_TIME * closed:
-            lane[i], leader[i], since[i] = to, ahead, 0
+            lane[i], leader[i], since[i], new = to, ahead, 0, True
             if behind != NOBODY:
                 leader[behind], since[behind] = i, 0
+    return new
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
@@ -225,26 +170,27 @@ def _braked(a: float, speed: float, left: float) -> float:
 @no_type_check
 def _forward(
     k: int, order: Any, x: Any, v: Any, extra: Any, lane: Any, since: Any, leader: Any, lead: Any, length: Any,
-    own: Any, around: Any, fastest: Any, noise: Any, numbers: Any, end: Any, begin: Any, target: Any, moved: Any,
+    own: Any, who: Any, free: Any, around: Any, fastest: Any, noise: Any, numbers: Any, end: Any, begin: Any,
+    target: Any, moved: Any,
 ) -> None:  # fmt: skip
-    """Drives all vehicles of a moment for 0.2 s, from downstream to upstream; `own` are their drivers' parameters."""
+    """Drives all vehicles for 0.2 s, downstream ones first; `own`, `who`: their drivers, and their rows in `free`."""
     for j in range(len(order) - 1, -1, -1):
         i = order[j]
         ahead, beside, here, speed = leader[i], lead[i], lane[i], v[i]
         standing, headway, highest, braking, softness = own[i, 0], own[i, 1], own[i, 2], own[i, 3], own[i, 6]
-        freely = free(highest, own[i, 4], own[i, 5], speed)
+        unled = freely(free[who[i]], speed)
         extra[i] = numbers[0] * extra[i] + numbers[1] * noise[i, k]
         if ahead < 0:
-            a = (around[i] - speed) * numbers[2] + numbers[4] * freely + noise[i, k] * numbers[3] / STEP
+            a = (around[i] - speed) * numbers[2] + numbers[4] * unled + noise[i, k] * numbers[3] / STEP
         else:
             gap = x[ahead] - length[ahead] - x[i]
-            a = clip(law(standing, headway, highest, softness, freely, speed, v[ahead], gap), -braking, highest)
+            a = clip(law(standing, headway, highest, softness, unled, speed, v[ahead], gap), -braking, highest)
         merging = target[here] != NOBODY
         if beside >= 0 and since[i] >= RELAXED and lane[beside] != here:
-            who = i if merging else beside  # the one that has yet to merge
-            if x[who] >= begin[lane[who]]:
+            waits = i if merging else beside  # the one that has yet to merge
+            if x[waits] >= begin[lane[waits]]:
                 gap_beside = x[beside] - length[beside] - x[i]
-                b = law(standing, headway, highest, softness, freely, speed, v[beside], gap_beside)
+                b = law(standing, headway, highest, softness, unled, speed, v[beside], gap_beside)
                 a -= (numbers[5] if merging else numbers[6]) * max(a - max(b, -braking), 0.0)
         if ahead >= 0:
             a = clip(a + extra[i], -2.0 * braking, 2.0 * highest)
@@ -255,7 +201,7 @@ def _forward(
             a = _braked(a, speed, end[here] - x[i])
         place = min(x[i] + clip(speed + a * STEP, 0.0, fastest[i]) * STEP, end[here])
         if ahead >= 0:
-            place = min(place, stopping(x[i], moved[ahead] - length[ahead], (moved[ahead] - x[ahead]) / STEP))
+            place = able_to_stop(place, x[i], moved[ahead] - length[ahead], (moved[ahead] - x[ahead]) / STEP)
         moved[i] = max(place, x[i])
         since[i] += 1
     for i in range(len(x)):
@@ -288,7 +234,7 @@ def _draw(
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 @no_type_check
 def _sample(
-    m: int, s: int, start: Any, learned: Any, here: Any, own: Any, noise: Any, threshold: Any, change: Any,
+    m: int, s: int, start: Any, learned: Any, here: Any, own: Any, who: Any, noise: Any, threshold: Any, change: Any,
     fastest: Any, rates: Any, may: Any, rows: Any, out_x: Any, out_lane: Any, chance: Any, seen: Any, can: Any,
 ) -> None:  # fmt: skip
     """Drives the vehicles of a moment in one sample; what it fills in is as for `drive`."""
@@ -300,19 +246,21 @@ def _sample(
     end, begin, target, source = start.end[m], start.begin[m], start.target[m], start.source[m]
     leader, lead, lag, last = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64), np.empty_like(target)
     gathered, since, moved, out = np.zeros(n), np.full(n, RELAXED), np.empty(n), np.empty(len(learned.hazard) - 3)
+    new = True  # order of the vehicles, or lane of one: else everybody sees whom they saw
     for k in range(FUTURE):
-        _see(order, lane, target, source, last, leader, lead, lag)
-        _merges(
+        if new:
+            _see(order, lane, target, source, last, leader, lead, lag)
+        new = _merges(
             k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag, threshold, rates,
             may, end, begin, target, learned.hazard, out, chance, seen, can,
         )  # fmt: skip
         if numbers[7] > 0.0:
-            _changes(k, x, v, lane, length, since, leader, change, start.left[m], start.right[m])
+            new |= _changes(k, x, v, lane, length, since, leader, change, start.left[m], start.right[m])
         _forward(
-            k, order, x, v, extra, lane, since, leader, lead, length, own, around, fastest, noise, numbers, end, begin,
-            target, moved,
+            k, order, x, v, extra, lane, since, leader, lead, length, own, who, learned.free, around, fastest, noise,
+            numbers, end, begin, target, moved,
         )  # fmt: skip
-        sorted_by_place(order, x)
+        new |= sorted_by_place(order, x)
         for i in range(n):
             if rows[i] >= 0:
                 out_x[rows[i], s, k], out_lane[rows[i], s, k] = x[i], lane[i]
@@ -341,14 +289,14 @@ def drive(
     for m in range(moments[0], moments[1]):
         here = slice(start.first[m], start.first[m + 1])
         n, rows = here.stop - here.start, row[here]
-        own, noise = np.empty((n, 7)), np.empty((n, FUTURE))
+        own, noise = np.empty((n, 7)), np.empty((n, FUTURE), np.float32)
         threshold, change, fastest = np.empty(n), np.empty(n), np.empty(n)
         seen, can = np.empty((n, watched, len(learned.hazard) - 3)), np.zeros((n, watched), np.bool_)
         for s in range(samples[0], samples[1]):
             _draw(start, learned, draws, here, s, driver[here], own, noise, threshold, change, fastest)
             _sample(
-                m, s, start, learned, here, own, noise, threshold, change, fastest, rate[here], may[here], rows, out_x,
-                out_lane, out_chance[here], seen, can,
+                m, s, start, learned, here, own, driver[here, s], noise, threshold, change, fastest, rate[here],
+                may[here], rows, out_x, out_lane, out_chance[here], seen, can,
             )  # fmt: skip
             for i in range(n if watched else 0):
                 if rows[i] >= 0:

@@ -162,13 +162,15 @@ def behind_leader(
         platoons: each with a leader.
         leader_truth: front of the leader, counted from the central vehicle's place at t = 0 [m]; none is missing.
     """
-    from rampcast.models.driver_loops import behind  # numba: only who drives waits for it
+    from rampcast.models.driver_loops import behind, free_table  # numba: only who drives waits for it
 
     leader_x, leader_v = true_leader(platoons, leader_truth)
-    found = np.empty((len(platoons), len(drivers), FUTURE))
+    found, free = np.empty((len(platoons), len(drivers), FUTURE)), free_table(drivers)
     rows_of = (np.maximum(platoons.v[:, 0, -1], 0.0), known_lengths(platoons)[:, 1], leader_x, leader_v, found)
     shared_out(
-        lambda rows: behind(drivers, *(values[rows] for values in rows_of)), len(platoons), least=DRIVEN // len(drivers)
+        lambda rows: behind(drivers, free, *(values[rows] for values in rows_of)),
+        len(platoons),
+        least=DRIVEN // len(drivers),
     )
     return found
 
@@ -182,13 +184,13 @@ def _likelihood(
     seen: Bool[np.ndarray, "row past"],
     length: Float[np.ndarray, "row"],
 ) -> Float[np.ndarray, "row driver"]:
-    from rampcast.models.driver_loops import likelihood  # numba, as above
+    from rampcast.models.driver_loops import free_table, likelihood  # numba, as above
 
-    found = np.empty((len(x), len(drivers)))
+    found, free = np.empty((len(x), len(drivers))), free_table(drivers)
 
     def work(rows: slice) -> None:
         parts = (values[rows] for values in (x, v, leader_x, leader_v, seen, length))
-        likelihood(drivers, *parts, (NEAR, GROWTH), found[rows])
+        likelihood(drivers, free, *parts, (NEAR, GROWTH), found[rows])
 
     shared_out(work, len(x))
     return found

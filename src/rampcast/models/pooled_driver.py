@@ -123,10 +123,11 @@ def _behind(
     leader_x: Float[np.ndarray, "platoon step"],
     leader_v: Float[np.ndarray, "platoon step"],
 ) -> Float[np.ndarray, "platoon step"]:
-    from rampcast.models.driver_loops import behind  # numba, as above
+    from rampcast.models.driver_loops import behind, free_table  # numba, as above
 
     found = np.empty((len(v), 1, FUTURE))
-    behind(np.append(driver, 0.0)[None], v, length, leader_x, leader_v, found)
+    drivers = np.append(driver, 0.0)[None]
+    behind(drivers, free_table(drivers), v, length, leader_x, leader_v, found)
     return found[:, 0]
 
 

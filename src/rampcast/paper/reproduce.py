@@ -85,7 +85,7 @@ class Protocol:
 
 
 DEMO = Protocol(
-    ours=ForecasterSpec(spacing=10.0, model=CalibratedSpec(samples=50, folds=3, correction=CorrectionSpec(trees=60))),
+    ours=ForecasterSpec(spacing=5.0, model=CalibratedSpec(samples=50, folds=3, correction=CorrectionSpec(trees=60))),
     paper=PaperSpec(lstm=LstmSpec(epochs=8, batch=64, decay=0.7), window_stride=15),
     every=5.0,
 )
