@@ -48,11 +48,66 @@ def converted(kind: Any, values: Any, *, place: str = "") -> Any:
         raise ValueError(_told(what, *_at(path, type_info(kind), values, place))) from error
 
 
+UNIT_WORDS = frozenset(
+    [
+        "m",
+        "cm",
+        "mm",
+        "km",
+        "ft",
+        "feet",
+        "foot",
+        "inch",
+        "mi",
+        "mile",
+        "miles",
+        "s",
+        "ms",
+        "us",
+        "ns",
+        "sec",
+        "min",
+        "h",
+        "kmh",
+        "kph",
+        "mph",
+        "fps",
+        "mps",
+        "deg",
+        "degrees",
+        "rad",
+        "pixel",
+        "px",
+    ]
+)
+
+
 def close_name(name: str, known: Collection[str]) -> str:
     """Returns a question that names the most similar of the known names, or nothing where none is similar."""
     lower = {one.lower(): one for one in list(known)[:MOST_NAMES] if len(one) <= LONGEST_NAME}  # comparing takes long
     found = difflib.get_close_matches(name.lower(), lower, n=1)
     return f"; is '{lower[found[0]]}' meant?" if found else ""
+
+
+def close_column(name: str, columns: Collection[str], *, needed: Collection[str]) -> str:
+    """Returns the column of a table that is most like a missing one, "" where none is: none that is needed as itself.
+
+    A column in another unit is not meant either, as `speed_kmh` for `speed`: to rename it would not convert it.
+
+    Args:
+        name: of the column that is missing.
+        columns: of the table.
+        needed: names that have a meaning of their own.
+    """
+    own = {one.lower() for one in needed}
+    known = [one for one in list(columns)[:MOST_NAMES] if len(one) <= LONGEST_NAME and one.lower() not in own]
+    known = [one for one in known if _units_in(one) <= _units_in(name)]
+    found = difflib.get_close_matches(name.lower(), [one.lower() for one in known], n=1)
+    return next((one for one in known if found and one.lower() == found[0]), "")
+
+
+def _units_in(name: str) -> set[str]:
+    return set(re.split(r"[^a-z]+", name.lower())) & UNIT_WORDS
 
 
 def refuse_unknown_keys(values: Collection[str], known: Collection[str], *, place: str = "") -> None:

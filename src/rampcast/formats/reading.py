@@ -14,6 +14,7 @@ from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
 from rampcast.formats.registry import all_formats, format_named
 from rampcast.recording import Recording, write_recordings
+from rampcast.recording.cutting import cut_tracks
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.roads.ramp import road_named
 from rampcast.sites import Site, site_of
@@ -95,10 +96,16 @@ def _read(
     heads: Sequence[Head], site: Site | None, format: str | None, mapping: Path | None, bad_rows: BadRows
 ) -> tuple[Recordings, ReadReport]:
     if mapping is None:
-        return format_of(heads, format).read(heads, site, bad_rows)
+        return _cut(*format_of(heads, format).read(heads, site, bad_rows))
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
-    return read_mapped(heads, load_mapping(mapping), site, bad_rows)
+    return _cut(*read_mapped(heads, load_mapping(mapping), site, bad_rows))
+
+
+def _cut(recordings: Recordings, report: ReadReport) -> tuple[Recordings, ReadReport]:
+    """Returns the recordings with tracks cut where no vehicle can have driven on, and the report with how often."""
+    found = [cut_tracks(recording) for recording in recordings]
+    return tuple(one for one, _ in found), replace(report, tracks_cut=sum(cuts for _, cuts in found))
 
 
 def read_any(

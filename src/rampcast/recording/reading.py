@@ -57,6 +57,7 @@ class ReadReport:
         vehicles_renumbered: vehicles whose id was no whole number and is now one, in the order of the old ids.
         rows_off_frames: rows whose time lay on no frame of their own; rows interpolated to the frames stand for them.
         rows_interpolated: those rows; all rows read and these are counted above, or are rows of the recording.
+        tracks_cut: times that a vehicle lies where it cannot have driven: from then on it is a vehicle of its own.
         rows: rows of the recording.
     """
 
@@ -78,6 +79,7 @@ class ReadReport:
     vehicles_renumbered: int = 0
     rows_off_frames: int = 0
     rows_interpolated: int = 0
+    tracks_cut: int = 0
     rows: int = 0
 
     def to_dict(self) -> dict[str, Any]:

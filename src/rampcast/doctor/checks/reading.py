@@ -24,6 +24,7 @@ OF_FILES = (  # names of checks that only the report of reading tells, and of th
     "rows_interpolated",
     "rows_not_vehicles",
     "sizes_filled",
+    "tracks_cut",
 )
 OF_ROWS = ("duplicates", "conflicting_duplicates")  # those that the rows of a recording tell as well
 SHOWN_ROWS = 3  # malformed rows quoted in words

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import polars as pl
 
 from rampcast.errors import FormatError
+from rampcast.formats.files.records import record_names
 from rampcast.formats.files.sources import open_source, read_start
 from rampcast.recording.parquet import read_head
 
@@ -58,6 +59,7 @@ class Head:
         name: for messages; with the member's name where the file is an archive.
         text: its first 64 KB, uncompressed; nothing of a parquet file.
         header: of a csv with one.
+        records: names of the columns where the file is json, an array of flat objects.
         types: of the columns of a parquet file or a table in memory, by their names.
         metadata: of a parquet file.
         table: the table in memory; None of a file.
@@ -67,19 +69,22 @@ class Head:
     name: str
     text: bytes = b""
     header: Header | None = None
+    records: tuple[str, ...] = ()
     types: Mapping[str, Any] | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
     table: pl.DataFrame | None = field(default=None, repr=False)
 
     @property
     def is_text(self) -> bool:
-        """Returns whether it is a file of text: no parquet file, and no table in memory."""
-        return self.types is None
+        """Returns whether it is a file of text: no parquet file, no table in memory, and no table as json."""
+        return self.types is None and not self.records
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Returns the names of the columns as the file spells them; () of what is no table."""
-        return (self.header.names if self.header else ()) if self.types is None else tuple(self.types)
+        if self.types is not None:
+            return tuple(self.types)
+        return self.records or (self.header.names if self.header else ())
 
 
 def heads_of(source: Source) -> list[Head]:
@@ -124,7 +129,7 @@ def look(path: Path) -> Head:
         text = read_start(name, stream, size=SIZE)
     if text.startswith(PARQUET_MAGIC):
         return _look_at_parquet(path)
-    return Head(path, name, text, find_header(text))
+    return Head(path, name, text, find_header(text), record_names(text))
 
 
 def plain(name: str) -> str:

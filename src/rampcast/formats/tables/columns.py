@@ -31,6 +31,8 @@ class Column:
         optional: whether a file may lack it.
         may_be_blank: whether a cell may be empty (or NaN); it reads as null.
         is_key: whether a row in which this cell is empty says nothing and is left out, whatever its other cells are.
+        of_others: what a row is of whose key is empty and this cell is not, as "person"; such rows are counted and left
+            out, and so is the column.
         may_be_grouped: whether numbers may have thousands separators, as "1,234.5" in quotes.
         among: the only numbers believed; () where all in the range are.
         unknown: what a message says of any other; {} stands for it.
@@ -46,6 +48,7 @@ class Column:
     optional: bool = False
     may_be_blank: bool = False
     is_key: bool = False
+    of_others: str = ""
     may_be_grouped: bool = False
     among: tuple[int, ...] = ()
     unknown: str = ""
@@ -148,8 +151,8 @@ class Layout:
 
     @cached_property
     def kept(self) -> tuple[Column, ...]:
-        """Returns the wanted columns but the one that only says which rows are."""
-        return tuple(column for _, column in self.wanted if column.only is None)
+        """Returns the wanted columns but those that only say which rows are."""
+        return tuple(column for _, column in self.wanted if column.only is None and not column.of_others)
 
     @cached_property
     def choosing(self) -> tuple[int, Column] | None:
@@ -165,6 +168,11 @@ class Layout:
     def groupable(self) -> list[str]:
         """Returns our names of the columns that may have thousands separators: in quotes, so only of a csv."""
         return [column.name for column in self.kept if column.may_be_grouped and self.separator != b" "]
+
+    @cached_property
+    def others(self) -> list[tuple[int, Column]]:
+        """Returns the columns that say what a row is of whose key is empty, and where they stand."""
+        return [pair for pair in self.wanted if pair[1].of_others]
 
     @property
     def keys(self) -> list[str]:
@@ -235,6 +243,18 @@ def other_rows(table: pl.DataFrame, layout: Layout) -> tuple[pl.Series, Counter[
             unwanted.append(text)
             counts[column.other(text)] += count
     return table[column.name].is_in(unwanted).fill_null(False), counts
+
+
+def with_keys(table: pl.DataFrame, keys: Sequence[str], others: Sequence[Column]) -> tuple[pl.DataFrame, Counter[str]]:
+    """Returns the rows whose keys are there, and of how many others what they are is told, by that."""
+    if not keys:
+        return table, Counter()
+    kept = table.drop_nulls(keys)
+    if kept.height == table.height or not others:
+        return kept, Counter()
+    lost = table.filter(pl.any_horizontal(pl.col(name).is_null() for name in keys))
+    counts = lost.select((pl.col(one.name).cast(pl.String).fill_null("") != "").sum() for one in others).row(0)
+    return kept, Counter({one.of_others: count for one, count in zip(others, counts, strict=True) if count})
 
 
 def read_cell(cell: str, column: Column, is_grouped: bool = False) -> tuple[float | int | str | None, str]:

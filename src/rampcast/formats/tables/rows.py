@@ -17,10 +17,10 @@ from rampcast.errors import FormatError
 from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
 from rampcast.formats.tables.blanks import as_csv
-from rampcast.formats.tables.columns import Column, Layout, Part, Rows, advice, missing, other_rows, place_of
+from rampcast.formats.tables.columns import Column, Layout, Part, Rows, advice, missing, other_rows, place_of, with_keys
 from rampcast.formats.tables.rows_careful import parse_carefully
 from rampcast.formats.tables.rows_typed import read_typed
-from rampcast.formats.tables.thousands import large
+from rampcast.formats.tables.thousands import has_decimal_commas, large
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
 BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
@@ -50,6 +50,8 @@ def _read_csv(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
     counted = grouped = 0
     with open_source(head.path) as (name, stream):
         chunks = read_chunks(name, stream)
+        if has_decimal_commas(head):
+            chunks = (chunk.replace(b",", b".") for chunk in chunks)
         for part in _parts(_skip(next(chunks, b""), layout), chunks, layout):
             if part.faults and bad_rows is BadRows.RAISE:
                 raise FormatError(advice(part.faults[0]))
@@ -128,14 +130,14 @@ def _parse_text(text: bytes, rows: int, layout: Layout) -> Part | None:
         table = _read_text(text, layout, {column.name: pl.Float64() for column in layout.kept if column.is_whole})
     if table is None or table.height != rows:
         return None
-    table = table.drop_nulls(layout.keys) if layout.keys else table
+    table, keyless = with_keys(table, layout.keys, [column for _, column in layout.others])
     is_other, others = other_rows(table, layout)
     table = (table.filter(~is_other) if others else table).select([*layout.schema])
     blank = [column.name for column in layout.kept if column.may_be_blank and column.type in FLOATS]
     table = table.with_columns(pl.col(blank).fill_nan(None)) if blank else table
     if _breaks_rules(table, layout):
         return None
-    return Part(table, others=others, styles=large(table, layout.groupable))
+    return Part(table, others=others + keyless, styles=large(table, layout.groupable))
 
 
 def _without_blank_ends(text: bytes) -> bytes:

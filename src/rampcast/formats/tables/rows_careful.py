@@ -156,7 +156,8 @@ def _read_line(
     """Adds what a line holds to what has been found."""
     is_whole = len(cells) == len(layout.header.names)
     if is_whole and any(column.is_key and not cells[index].strip() for index, column in layout.wanted):
-        return  # it says nothing
+        found.others.update(column.of_others for index, column in layout.others if cells[index].strip())
+        return  # else it says nothing
     if is_whole and layout.choosing and (other := layout.choosing[1].other(cells[layout.choosing[0]])):
         found.others[other] += 1
         return
@@ -178,7 +179,7 @@ def _read_cells(cells: list[str], layout: Layout, styles: Mapping[str, bool]) ->
         return {}, (0, f"expected {expected} columns, found {len(cells)}{_why(len(cells) - expected, layout)}")
     row: Cells = {}
     for index, column in layout.wanted:
-        if column.only is None:
+        if column.only is None and not column.of_others:
             row[column.name], reason = read_cell(cells[index].strip(), column, styles.get(column.name, False))
             if reason:
                 return {}, (index + 1, f"{layout.header.names[index]}: {reason}")

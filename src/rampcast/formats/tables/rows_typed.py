@@ -1,16 +1,19 @@
 """Rows of tables whose columns have types, whatever these are: parquet files, and tables in memory."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
-from rampcast.formats.tables.columns import SHOWN, Column, Rows, advice, missing, place_of
+from rampcast.formats.files.records import records_table
+from rampcast.formats.tables.columns import SHOWN, Column, Rows, advice, missing, place_of, with_keys
 from rampcast.recording.parquet import read_table
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
+TEXT = (pl.String, pl.Categorical, pl.Enum)
 ROW = "number of the row"  # name of a column of our own beside those of the table
 
 
@@ -27,10 +30,10 @@ def read_typed(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows
             raise FormatError(f"{head.name}: {missing(column, head.names)}")
         if place is not None:
             chosen[head.names[place]] = column
-    raw = read_table(head.path, list(chosen)) if head.table is None else head.table.select(list(chosen))
-    raw = raw.with_row_index(ROW, 1)
+    raw, others = _wanted(_table(head, list(chosen)).with_row_index(ROW, 1), chosen)
     keys = [name for name, column in chosen.items() if column.is_key]
-    raw = raw.drop_nulls(keys) if keys else raw
+    beside = [replace(column, name=name) for name, column in chosen.items() if column.of_others]
+    raw, keyless = with_keys(raw, keys, beside)
     reasons = pl.concat_list(
         _fault_of(name, column, raw.schema[name]) for name, column in chosen.items()
     ).list.drop_nulls()
@@ -42,15 +45,36 @@ def read_typed(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows
     table = good.select(
         _cell(name, column, raw.schema[name]).cast(column.type, strict=False).alias(column.name)
         for name, column in chosen.items()
+        if column.only is None and not column.of_others
     )
-    return Rows(head.name, table, listed, faults.height)
+    return Rows(head.name, table, listed, faults.height, others | keyless)
+
+
+def _table(head: Head, names: list[str]) -> pl.DataFrame:
+    if head.table is not None:
+        return head.table.select(names)
+    return records_table(head.path).select(names) if head.records else read_table(head.path, names)
+
+
+def _wanted(raw: pl.DataFrame, chosen: dict[str, Column]) -> tuple[pl.DataFrame, dict[str, int]]:
+    """Returns the rows that are wanted, and how many are not, by the text that says so."""
+    for name, column in chosen.items():
+        if column.only is not None and _is_simple(raw.schema[name]):
+            texts = raw[name].cast(pl.String)
+            unwanted = {text: column.other(text) for text in texts.unique() if column.other(text)}
+            is_other = texts.is_in(list(unwanted)).fill_null(False)
+            counts = texts.filter(is_other).value_counts().rows()
+            return raw.filter(~is_other), {unwanted[text]: count for text, count in counts}
+    return raw, {}
 
 
 def _cell(name: str, column: Column, found: Any) -> pl.Expr:
     """Returns a cell; polars makes categories of text alone, and no numbers of what has parts."""
     if not _is_simple(found):
         return pl.lit(None)
-    return pl.col(name).cast(pl.String, strict=False) if column.is_text else pl.col(name)
+    if column.is_text:
+        return pl.col(name).cast(pl.String, strict=False)
+    return pl.col(name).cast(pl.Float64, strict=False) if found in TEXT and column.is_whole else pl.col(name)
 
 
 def _is_simple(found: Any) -> bool:
@@ -62,7 +86,7 @@ def _is_simple(found: Any) -> bool:
 
 def _fault_of(name: str, column: Column, found: Any) -> pl.Expr:
     """Returns an expression that says what is wrong with a cell; null if nothing is."""
-    if not _is_simple(found):
+    if not _is_simple(found) or (found == pl.Boolean and not column.is_text):
         return pl.lit(f"{name}: expected {'text' if column.is_text else 'a number'}, found the type {found}")
     cell = pl.col(name)
     shown = cell.cast(pl.String, strict=False).fill_null("nothing").str.slice(0, SHOWN)

@@ -5,9 +5,21 @@ from collections.abc import Sequence
 
 import polars as pl
 
+from rampcast.formats.files.head import Head
+
 LEAST = 1000.0  # from which on a number has a separator
 GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
 UNGROUPED = r"^[+-]?\d{4}"  # how a large number without one begins
+
+DECIMAL_COMMA = re.compile(rb"(?:^|[;\n])\"?[+-]?\d+,\d+(?:[eE][+-]?\d+)?\"?(?=[;\r\n])")
+THOUSANDS = re.compile(rb"^[;\n]?\"?[+-]?\d{1,3},\d{3}\"?$")  # may be either
+
+
+def has_decimal_commas(head: Head) -> bool:
+    """Returns whether numbers of a csv are written with a decimal comma, as "70,5" between semicolons."""
+    if head.header is None or head.header.separator != ";" or re.search(rb"[;\n]\"?[+-]?\d+\.\d", head.text):
+        return False
+    return any(not THOUSANDS.match(cell) for cell in DECIMAL_COMMA.findall(head.text))
 
 
 def without_separators(cell: str, is_grouped: bool) -> tuple[str, str]:

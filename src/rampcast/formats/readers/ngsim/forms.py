@@ -1,8 +1,7 @@
 """The forms of NGSIM's files, told by their first line: names of the columns, and what stands between them."""
 
-import difflib
-
 from rampcast.errors import FormatError
+from rampcast.file_values import close_column
 from rampcast.formats.files.head import BYTE_ORDER_MARK, SIZE, Head, Header
 
 # Source: the data dictionary of the NGSIM I-80 and US-101 data sets.
@@ -29,7 +28,11 @@ TXT_COLUMNS = (
 WANTED = ("vehicle_id", "frame_id", "global_time", "local_x", "local_y", "v_length", "v_width", "v_class", "lane_id")
 LOCATION = "location"
 ARTERIAL_COLUMNS = 24  # the text of Lankershim and Peachtree has six columns more, in the middle of the row
-MOST_NAMES, LONGEST_NAME = 50, 30  # of a header that are compared with those that are missing
+KNOWN = (*TXT_COLUMNS, LOCATION, "o_zone", "d_zone", "int_id", "section_id", "direction", "movement")
+FRAMES = (
+    "Frames follow from Global_Time, 100 ms each: read it with --mapping, in which time is "
+    '{ column = "Global_Time", unit = "ms" } (docs/formats/ngsim.md has the whole file).'
+)
 
 ADVICE = (
     "Expected an NGSIM file of a freeway: 18 columns of numbers separated by spaces, or a csv with a header that names "
@@ -44,9 +47,13 @@ def form_of(head: Head) -> tuple[str, Header]:
     Raises:
         FormatError: the file is empty, not text, or none of the forms.
     """
+    if head.names and not head.is_text:
+        return _with_header(head.name, 0, list(head.names), "")
     name, lines = head.name, head.text.removeprefix(BYTE_ORDER_MARK).split(b"\n")
     if not head.is_text:
         raise FormatError(f"{name}: no text. {ADVICE}")
+    if lines[0].lstrip()[:1] in (b"[", b"{"):
+        raise FormatError(f"{name}: json, but no array of rows with NGSIM's names; get the table as csv. {ADVICE}")
     blank = next((number for number, line in enumerate(lines) if line.strip()), None)
     if blank is None:
         raise FormatError(f"{name}: the file is empty. {ADVICE}")
@@ -60,8 +67,6 @@ def form_of(head: Head) -> tuple[str, Header]:
     tokens = [token.strip().strip('"') for token in (text.split() if separator in " \t" else text.split(separator))]
     if not tokens:
         raise FormatError(f"{name}: no text and no numbers. {ADVICE}")
-    if separator == ";":
-        raise FormatError(f"{name}, line {blank + 1}: columns separated by semicolons. {ADVICE}")
     form = _without_header if _is_number(tokens[0]) else _with_header
     return form(name, blank, tokens, " " if separator == "\t" else separator)
 
@@ -91,9 +96,10 @@ def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> tu
     names = tuple(token.lower().replace(" ", "_") for token in tokens)
     missing = [column for column in WANTED if column not in names]
     if missing:
-        likely = [name for name in names[:MOST_NAMES] if len(name) <= LONGEST_NAME]  # comparing takes long
-        close = {column: difflib.get_close_matches(column, likely, n=1) for column in missing}
-        hint = "".join(f" Is '{match[0]}' meant to be {column}?" for column, match in close.items() if match)
+        close = {column: close_column(column, names, needed=KNOWN) for column in missing}
+        hint = "".join(f" Is '{match}' meant to be {column}?" for column, match in close.items() if match)
+        if missing == ["frame_id"]:
+            hint = f" {FRAMES}"
         shown = ", ".join(token[:30] for token in tokens[:30])
         raise FormatError(
             f"{name}, line {blank + 1}: the columns {', '.join(missing)} are missing from the header.{hint} "

@@ -1,5 +1,6 @@
 """Which site a file of NGSIM was recorded at: by its Location column, else by the time in it."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,6 +16,9 @@ from rampcast.recording.reading import BadRows
 from rampcast.sites import Site, load_site, site_names
 
 LOOKED_AT = 100  # rows whose times are looked at
+TIME = re.compile(
+    r"\d{1,15}(\.\d*)?|\d\.\d{1,20}[eE]\+?\d\d?", re.ASCII
+)  # some programs write floats for whole numbers
 DIGITS = 15  # of a time: in milliseconds since 1970 it has 13
 
 
@@ -38,12 +42,18 @@ def guess_ngsim_site(heads: Sequence[Head]) -> Site:
 def _sites_of(head: Head) -> list[str]:
     _, header = form_of(head)
     if LOCATION not in header.names:
-        return sites_of_times(_times(head.text, header))
+        return sites_of_times(_times(head.text, header) if head.is_text else _times_of_table(head))
     column = Column(LOCATION, (LOCATION,), pl.Categorical(), may_be_blank=True)
     found = read_rows(replace(head, header=header), (column,), bad_rows=BadRows.SKIP).table[LOCATION].unique()
     locations = {str(text).strip(' "').lower() for text in found}
     sites = [load_site(name) for name in site_names()]
     return [site.name for site in sites if site.location and site.location.lower() in locations]
+
+
+def _times_of_table(head: Head) -> list[int]:
+    """Returns the Global_Time [ms] of the first rows of a table that is no text."""
+    column = Column("global_time", ("global_time",), pl.Int64(), 0, 10**DIGITS)
+    return read_rows(head, (column,), bad_rows=BadRows.SKIP).table["global_time"].head(LOOKED_AT).to_list()
 
 
 def _times(text: bytes, header: Header) -> list[int]:
@@ -52,4 +62,4 @@ def _times(text: bytes, header: Header) -> list[int]:
     lines = text.decode("latin-1").split("\n")[header.lines : header.lines + LOOKED_AT]
     rows = [line.split() if header.separator == " " else line.split(header.separator) for line in lines]
     cells = [row[index].strip('" ') for row in rows if len(row) > index]
-    return [int(cell) for cell in cells if cell.isascii() and cell.isdigit() and len(cell) <= DIGITS]
+    return [int(float(cell)) for cell in cells if TIME.fullmatch(cell)]

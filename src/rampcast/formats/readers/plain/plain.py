@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.file_values import close_name
+from rampcast.file_values import close_column
 from rampcast.formats.files.head import Head, plain
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
@@ -155,7 +155,8 @@ def _check_columns(head: Head, mapping: TableMapping) -> None:
                 "columns, or convert each by itself"
             )
         names = ", ".join(head.names[:MOST_NAMES])
-        hint = close_name(column, head.names) or f"; its columns are {names}. Mend either"
+        close = close_column(column, head.names, needed=mapping.columns)
+        hint = f"; is '{close}' meant?" if close else f"; its columns are {names}. Mend either"
         raise FormatError(f"{head.name}: no column '{column[:SHOWN]}', which {mapping.path} names for {name}{hint}")
 
 

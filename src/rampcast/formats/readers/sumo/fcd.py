@@ -80,6 +80,18 @@ ATTRIBUTES = (
 )
 EDGE = Column("edge", _named("edge"), pl.Categorical(), optional=True, may_be_blank=True)  # filled for persons only
 
+BESIDE = tuple(  # in the csv that xml2csv.py makes, persons and containers have columns of their own
+    Column(
+        f"{tag}_id",
+        (f"{tag}_id", f"timestep_{tag}_id"),
+        pl.Categorical(),
+        optional=True,
+        may_be_blank=True,
+        of_others=tag,
+    )
+    for tag in TAGS[1:]
+)
+
 
 def misses_sumo(head: Head) -> str | None:
     """Returns the first thing a file lacks to be SUMO's floating car data; None if nothing."""
@@ -134,10 +146,19 @@ def _rows(head: Head, bad_rows: BadRows) -> tuple[Rows, int]:
     if not head.names:
         return read_fcd_xml(head.path, ATTRIBUTES, bad_rows)
     time = Column("time", TIMES, low=-LATEST, high=LATEST)
+    beside = () if _is_id(head) else BESIDE
     if not _has_clock(head):
-        return read_rows(head, (time, *ATTRIBUTES, EDGE), bad_rows=bad_rows), 0
-    rows = read_rows(head, (replace(time, type=pl.Categorical()), *ATTRIBUTES, EDGE), bad_rows=bad_rows)
-    return replace(rows, table=rows.table.with_columns(_seconds(rows))), 0
+        rows = read_rows(head, (time, *ATTRIBUTES, EDGE, *beside), bad_rows=bad_rows)
+        return rows, sum(rows.others.values())
+    words = (replace(time, type=pl.Categorical()), *ATTRIBUTES, EDGE, *beside)
+    rows = read_rows(head, words, bad_rows=bad_rows)
+    return replace(rows, table=rows.table.with_columns(_seconds(rows))), sum(rows.others.values())
+
+
+def _is_id(head: Head) -> bool:
+    """Returns whether all ids stand in one column, named for the element that came first."""
+    names = {plain(name) for name in head.names}
+    return sum(any(plain(spelling) in names for spelling in (f"{tag}_id", f"timestep_{tag}_id")) for tag in TAGS) < 2
 
 
 def _has_clock(head: Head) -> bool:

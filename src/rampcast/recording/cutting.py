@@ -1,0 +1,98 @@
+"""Tracks are cut where no vehicle can have driven: a simulator's teleport, an id that a tracker gave to another one."""
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+
+from rampcast.recording import columns as c
+from rampcast.recording.order import is_sorted, track_starts
+from rampcast.recording.recording import KEY, Recording
+from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, SHORTEST_TRACK
+
+FASTEST = 70.0  # [m/s] 252 km/h: the speed to which makers limit most fast cars is 250 km/h
+NOISE = 5.0  # [m] a car's length: a tracker that slips so far still follows the same vehicle
+ASIDE, ASIDE_RATE = 7.5, 3.0  # [m, m/s] aside: two lanes, which simulators cross in a step, and as fast as one swerves
+BESIDE = 0.5  # [s] before and after a step that tell how fast the vehicle was
+
+Row = Float[np.ndarray, "row"]
+
+
+def cut_tracks(recording: Recording) -> tuple[Recording, int]:
+    """Returns a raw recording with tracks cut where no vehicle can have driven on, and how often that was.
+
+    What follows a cut is a vehicle of its own, with an id that the window had not. A few rows that lie elsewhere and
+    are back again are no cut: the vehicle is the same.
+    """
+    tracks = recording.tracks
+    if recording.is_smoothed or tracks.height < 2 or not is_sorted(tracks):
+        return recording, 0
+    starts = track_starts(tracks, slice(None))
+    cut = _without_short_pieces(_impossible(tracks, starts, recording.time_step), starts)
+    if not cut.any():
+        return recording, 0
+    pieces = np.cumsum(cut)  # counts cuts from the first row on
+    first = np.repeat(pieces[starts], np.diff(np.r_[starts, tracks.height]))
+    is_new = pieces > first
+    largest = tracks[c.VEHICLE].max()
+    assert isinstance(largest, int)
+    ids = np.where(is_new, largest + pieces, tracks[c.VEHICLE].to_numpy())
+    renamed = tracks.with_columns(pl.Series(c.VEHICLE, ids, dtype=c.SCHEMA[c.VEHICLE])).sort(KEY)
+    return replace(recording, tracks=renamed), int(cut.sum())
+
+
+def _impossible(tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_step: float) -> Bool[np.ndarray, "row"]:
+    """Returns which rows no vehicle can have reached from its row before, after up to 5 s."""
+    x, y = (tracks[name].to_numpy().astype(float) for name in (c.X, c.Y))
+    frame = tracks[c.FRAME].to_numpy().astype(np.int64)
+    elapsed = np.diff(frame, prepend=0) * time_step
+    elapsed[starts] = np.inf
+    came, aside = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
+    reach = NOISE + IMPOSSIBLE_ACCELERATION * np.minimum(elapsed, LONGEST_FILLED_GAP) ** 2 / 2
+    known = np.isfinite(elapsed) & (elapsed > 0) & (elapsed <= LONGEST_FILLED_GAP)
+    suspects = np.flatnonzero(known & ((came < -reach) | (came > reach) | (np.abs(aside) > ASIDE)))
+    found = np.zeros(len(x), bool)
+    if not len(suspects):
+        return found
+    first = np.repeat(starts, np.diff(np.r_[starts, len(x)]))
+    before, after = _speeds(x, frame * time_step, first, suspects)
+    slow, fast = np.fmin(before, after), np.fmax(before, after)
+    slow, fast = np.nan_to_num(slow, nan=0.0), np.nan_to_num(fast, nan=FASTEST)
+    time = elapsed[suspects]
+    is_along = (came[suspects] < slow * time - reach[suspects]) | (came[suspects] > fast * time + reach[suspects])
+    found[suspects] = is_along | (np.abs(aside[suspects]) > ASIDE + ASIDE_RATE * time)
+    return found
+
+
+def _speeds(
+    x: Row, time: Row, first: Int[np.ndarray, "row"], rows: Int[np.ndarray, "some"]
+) -> tuple[Float[np.ndarray, "some"], Float[np.ndarray, "some"]]:
+    """Returns the speeds [m/s] in the half second before the row before and from these rows on; NaN where unseen."""
+    pairs = []
+    for start, way in ((rows - 1, -1), (rows, 1)):
+        other = start.copy()
+        for _ in range(2, 64):
+            following = np.clip(other + way, 0, len(x) - 1)
+            goes_on = (first[following] == first[start]) & (np.abs(time[following] - time[start]) <= BESIDE)
+            if not (goes_on & (following != other)).any():
+                break
+            other = np.where(goes_on, following, other)
+        away = time[other] - time[start]
+        known = away != 0
+        pairs.append(np.where(known, (x[other] - x[start]) / np.where(known, away, 1.0), np.nan))
+    return pairs[0], pairs[1]
+
+
+def _without_short_pieces(cut: Bool[np.ndarray, "row"], starts: Int[np.ndarray, "track"]) -> Bool[np.ndarray, "row"]:
+    """Returns the cuts but for those around a few rows between two of them."""
+    edges = cut.copy()
+    edges[starts] = True
+    begins = np.flatnonzero(edges)
+    size = np.diff(np.r_[begins, len(cut)])
+    is_last = np.isin(np.r_[begins[1:], len(cut)], np.r_[starts, len(cut)])
+    short = np.flatnonzero(cut[begins] & (size < SHORTEST_TRACK) & ~is_last)
+    kept = cut.copy()
+    kept[begins[short]] = False
+    kept[begins[short + 1]] = False
+    return kept

@@ -1,0 +1,211 @@
+"""Kinds of files that were met in public, each as a small input by hand with the right value."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from rampcast.errors import FormatError
+from rampcast.formats import read_all, read_any
+from rampcast.formats.steps.units import FOOT
+from rampcast.recording import Recording, clean
+from rampcast.recording import columns as c
+from rampcast.recording.cutting import cut_tracks
+from rampcast.sites import Lane, Site
+
+NAMES = (
+    "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_Length,v_Width,v_Class,v_Vel,v_Acc,"
+    "Lane_ID,Preceding,Following,Space_Headway,Time_Headway"
+)
+START = 1113433235000  # [ms] frame 1000 of the window of 16:00 on I-80
+
+
+def ngsim_row(k: int) -> list[str]:
+    time = str(START + 100 * k)
+    text = f"11,{1000 + k},120,{time},70.5,{60 + 4 * k}.25,6042000.0,2133000.0,14.5,6.4,2,40.0,0.0,6,0,0,0.0,0.0"
+    return text.split(",")
+
+
+ROWS = [ngsim_row(k) for k in range(3)]
+X = [(60.25 + 4 * k) * FOOT for k in range(3)]
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    (folder / name).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+def table(rows=ROWS, names: str = NAMES, separator: str = ",") -> str:
+    return "\n".join([names.replace(",", separator), *(separator.join(row) for row in rows)]) + "\n"
+
+
+def records(names: str = NAMES.lower(), location: str | None = "i-80") -> list[dict[str, object]]:
+    more = {} if location is None else {"location": location}
+    return [dict(zip(names.split(","), row, strict=True)) | more for row in ROWS]
+
+
+@pytest.mark.parametrize("numbers", [False, True])
+def test_the_json_of_a_portal_is_read_as_its_csv_is(tmp_path, numbers):
+    rows = records()
+    if numbers:
+        rows = [{k: v if k == "location" else float(v) for k, v in row.items()} for row in rows]
+    other = rows[0] | {"location": "lankershim"}
+    recording, report = read_any([written(tmp_path, "a.json", json.dumps([*rows, other]))])
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+    assert recording.tracks[c.FRAME].to_list() == [1000, 1001, 1002]
+    assert recording.site.name == "i80"
+    assert (report.rows_read, report.rows_other_location, report.rows) == (4, 1, 3)
+
+
+def test_json_that_is_no_table_is_not_taken_for_a_csv(tmp_path):
+    with pytest.raises(FormatError, match="json, but no array of rows") as raised:
+        read_all([written(tmp_path, "a.json", json.dumps({"meta": {}, "data": [[1, 2]]}))])
+    assert "meant to be" not in str(raised.value)
+
+
+def test_ngsims_rows_are_read_from_a_frame_and_from_parquet(tmp_path):
+    frame = pl.read_csv(written(tmp_path, "a.csv", table()))
+    frame.write_parquet(tmp_path / "a.parquet")
+    for source in (frame, tmp_path / "a.parquet"):
+        recording, _ = read_any(source)
+        assert recording.tracks[c.X].to_list() == pytest.approx(X)
+
+
+def test_a_booleans_column_is_no_number(tmp_path):
+    frame = pl.DataFrame({"vehicle": [1, 1], "time": [0.0, 0.1], "x": [True, False], "y": [0.0, 0.0], "lane": [1, 1]})
+    frame = frame.with_columns(length=4.5, width=1.8)
+    with pytest.raises(FormatError, match=r"x: expected a number, found the type Boolean"):
+        read_any(frame)
+
+
+def test_semicolons_and_decimal_commas_are_read(tmp_path):
+    text = table([[cell.replace(".", ",") for cell in row] for row in ROWS], separator=";")
+    recording, _ = read_any([written(tmp_path, "a.csv", text)])
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+    assert recording.tracks[c.LENGTH].to_list() == pytest.approx([14.5 * FOOT] * 3)
+
+
+def test_semicolons_with_decimal_points_are_read(tmp_path):
+    recording, _ = read_any([written(tmp_path, "a.csv", table(separator=";"))])
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+
+
+def test_numbers_saved_as_floats_and_with_exponents_are_read(tmp_path):
+    rows = [[f"{float(cell):.15e}" if index != 3 else f"{cell}.0" for index, cell in enumerate(row)] for row in ROWS]
+    recording, _ = read_any([written(tmp_path, "a.csv", table(rows))])
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+    assert recording.tracks[c.VEHICLE].to_list() == [11, 11, 11]
+
+
+def test_no_hint_renames_a_needed_column_and_the_advice_leads_out(tmp_path):
+    """Without Frame_ID the message names a mapping of Global_Time; the one of the page is followed here."""
+    rows = [row[:1] + row[2:] for row in ROWS]
+    path = written(tmp_path, "a.csv", table(rows, NAMES.replace("Frame_ID,", "")))
+    with pytest.raises(FormatError, match="Frames follow from Global_Time") as raised:
+        read_all([path])
+    assert "meant to be" not in str(raised.value)
+    page = (Path(__file__).parents[2] / "docs" / "formats" / "ngsim.md").read_text(encoding="utf-8")
+    mapping = written(tmp_path, "ngsim.toml", page.partition("```toml\n")[2].partition("```")[0])
+    recording, _ = read_any([path], mapping=mapping)
+    assert recording.time_step == 0.1
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+    assert recording.tracks[c.LANE].to_list() == [6, 6, 6]
+
+
+def test_no_hint_changes_a_unit(tmp_path):
+    text = "id,frame,x_ft,lane\n1,0,10,1\n1,1,12,1\n"
+    mapping = 'time_step = 0.1\n[columns]\nvehicle = "id"\nframe = "frame"\nx = "x"\nlane = "lane"\n'
+    with pytest.raises(FormatError, match="no column 'x'") as raised:
+        read_any([written(tmp_path, "a.csv", text)], mapping=written(tmp_path, "m.toml", mapping))
+    assert "meant" not in str(raised.value)
+
+
+PERSONS = """timestep_time;vehicle_angle;vehicle_id;vehicle_lane;vehicle_pos;vehicle_speed;vehicle_type;vehicle_x;\
+vehicle_y;person_edge;person_id;person_x;person_y;container_id
+0.00;90.00;v0;e_0;5.00;15.00;passenger;100.00;10.00;;;;;
+0.00;;;;;;;;;w;p0;50.00;20.00;
+0.00;;;;;;;;;;;50.00;20.00;c0
+0.10;90.00;v0;e_0;6.50;15.00;passenger;101.50;10.00;;;;;
+0.10;;;;;;;;;w;p0;50.00;20.10;
+0.20;;;;;;;;;;;;;
+"""
+
+
+@pytest.mark.parametrize("quoted", [False, True])
+def test_persons_and_containers_in_columns_of_their_own_are_counted(tmp_path, quoted):
+    text = PERSONS.replace("v0", '"v0"') if quoted else PERSONS
+    _, report = read_any([written(tmp_path, "a.csv", text)])
+    assert (report.rows_read, report.rows_not_vehicles, report.rows) == (5, 3, 2)  # a step without anybody is no row
+
+
+def recording_of(x, frames, *, y=0.0, time_step=0.1, vehicle=1) -> Recording:
+    site = Site("made", "Made", False, 1000.0, 30.0, (Lane(1, "main", 0.0), Lane(2, "main", -3.6)))
+    size = len(x)
+    tracks = pl.DataFrame(
+        {
+            c.RECORDING: ["made-1"] * size,
+            c.VEHICLE: np.full(size, vehicle),
+            c.FRAME: frames,
+            c.X: np.asarray(x, float),
+            c.Y: np.broadcast_to(y, size).astype(float),
+            c.LANE: [1] * size,
+            c.LENGTH: [4.5] * size,
+            c.WIDTH: [1.8] * size,
+            c.KIND: ["car"] * size,
+        }
+    ).cast(pl.Schema(c.SCHEMA))
+    return Recording(tracks, site, time_step, "made")
+
+
+def test_a_track_is_cut_where_a_vehicle_stands_vanishes_and_is_back_far_away():
+    standing, on = np.full(20, 100.0), 350.0 + 1.5 * np.arange(20)
+    found, cuts = cut_tracks(recording_of([*standing, *on], [*range(20), *range(50, 70)]))
+    assert cuts == 1
+    assert found.tracks[c.VEHICLE].to_list() == [1] * 20 + [2] * 20
+    smoothed, report = clean(found)
+    assert report.filled_rows == 0
+    assert smoothed.tracks[c.A].abs().max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("hole", "jump", "cuts"),
+    [
+        (1, 300.0, 1),  # in one frame, to another place
+        (1, -300.0, 1),
+        (1, 0.0, 0),
+        (30, 0.0, 0),  # lost for 3 s and seen again where it should be
+        (30, 30.0, 0),  # it braked or sped up in between
+        (30, 120.0, 1),
+        (30, -120.0, 1),
+        (49, -15 * 4.9, 0),  # it may have stood all the time
+    ],
+)
+def test_a_track_is_cut_only_where_no_vehicle_can_have_driven(hole, jump, cuts):
+    before = 15.0 * 0.1 * np.arange(30)
+    after = before[-1] + 1.5 * hole + jump + 1.5 * np.arange(30)
+    frames = [*range(30), *range(29 + hole, 59 + hole)]
+    found, counted = cut_tracks(recording_of([*before, *after], frames))
+    assert counted == cuts
+    assert found.tracks[c.VEHICLE].n_unique() == 1 + cuts
+
+
+def test_a_jump_to_another_road_aside_is_cut_and_a_change_of_lane_in_a_step_is_not():
+    x = 1.5 * np.arange(40)
+    for aside, cuts in ((-3.6, 0), (40.0, 1)):
+        y = np.where(np.arange(40) < 20, 0.0, aside)
+        assert cut_tracks(recording_of(x, range(40), y=y))[1] == cuts
+
+
+def test_single_rows_that_lie_elsewhere_do_not_cut_a_track():
+    x = 1.5 * np.arange(40)
+    x[20:22] += 90.0
+    assert cut_tracks(recording_of(x, range(40)))[1] == 0
+
+
+def test_a_teleport_in_a_file_is_cut_and_counted(tmp_path):
+    rows = [f"1,{0.1 * k:.1f},{15 * 0.1 * k + (400 if k >= 30 else 0):.2f},0,1" for k in range(60)]
+    recording, report = read_any([written(tmp_path, "a.csv", "vehicle,time,x,y,lane\n" + "\n".join(rows) + "\n")])
+    assert report.tracks_cut == 1
+    assert recording.tracks[c.VEHICLE].n_unique() == 2
