@@ -14,7 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 
 import rampcast as rc
-from measure import how_many, print_ratio
+from measure import how_many, once, print_ratio
+from rampcast.forecast.forecaster import Forecaster, forecast_traffics
+from rampcast.forecast.parts import BATCH
 from rampcast.sites import load_site
 
 VEHICLES, SAMPLES = how_many(60, tiny=6), how_many(200, tiny=5)
@@ -46,8 +48,17 @@ def main() -> None:
     for what, times in (("on the clock", wall), ("processor", busy)):
         print(f"  {what}: " + ", ".join(f"{1e3 * np.quantile(times, level):.1f}" for level in (0.5, 0.99, 1.0)))
     print_ratio("times that a tick of 0.1 s holds the longest tick", 0.1 / wall.max())
-    wall, busy, _ = ticks(rc.Online(forecaster, site, samples=FEW_SAMPLES), FEW, MOMENTS)
-    print(f"{MOMENTS:,} moments of {FEW} vehicles x {FEW_SAMPLES}: {wall.sum():.1f} s, processor {busy.sum():.1f} s")
+    stream = rc.Stream(site)
+    moments = [stream.push(now, frame) for now, frame in frames(FEW, EARLIER + MOMENTS)][EARLIER:]
+    took = [once(lambda size=size: together(forecaster, moments, size)) for size in (1, BATCH)]
+    print(f"{MOMENTS:,} moments of {FEW} vehicles x {FEW_SAMPLES}: {took[1]:.1f} s")
+    print_ratio("the same moments one by one take, times", took[0] / took[1])
+
+
+def together(forecaster: Forecaster, moments: list[rc.Traffic], size: int) -> None:
+    """Forecasts moments, so many of them together."""
+    for first in range(0, len(moments), size):
+        forecast_traffics(forecaster.model, moments[first : first + size], samples=FEW_SAMPLES)
 
 
 def ticks(online: rc.Online, vehicles: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from scipy.stats import norm
 import rampcast as rc
 from rampcast.errors import ModelError
 from rampcast.forecast.calibrated import CalibratedSpec
-from rampcast.forecast.forecaster import ForecasterSpec, fit, forecast_traffic
+from rampcast.forecast.forecaster import ForecasterSpec, fit, forecast_traffic, forecast_traffics
 from rampcast.forecast.recalibration import HORIZONS, LEVELS, STEPS, Recalibration
 from rampcast.models.correction import KNOTS, Correction, CorrectionSpec
 from rampcast.models.correction import LEVELS as QUANTILES
@@ -231,3 +231,13 @@ def test_a_forecaster_of_any_site_is_told_which_one_the_stream_is_of(forecaster)
     with pytest.raises(ModelError, match="site="):
         rc.Online(replace(forecaster, site=None))
     assert rc.Online(replace(forecaster, site=None), load_site("us101")).site.name == "us101"
+
+
+def test_moments_driven_together_are_forecast_as_one_by_one(forecaster, recording):
+    some = [rc.traffic(recording, at=AT + 0.5 * number) for number in range(9)]
+    together = forecast_traffics(forecaster.model, some, samples=40)
+    for traffic, found in zip(some, together, strict=True):
+        alone = forecast_traffic(forecaster.model, traffic, samples=40)
+        assert found.vehicle.tolist() == alone.vehicle.tolist()
+        np.testing.assert_array_equal(found.samples, alone.samples)
+        np.testing.assert_array_equal(found.lane, alone.lane)

@@ -29,6 +29,10 @@ def keeps_speed(traffic):
     )  # fmt: skip
 
 
+def all_keep_speed(traffics):
+    return [keeps_speed(traffic) for traffic in traffics]
+
+
 @pytest.fixture(scope="module")
 def recording():
     return concatenate([random_traffic(seed, vehicles=8, seconds=20.0, name=f"i80-{seed}") for seed in (1, 2)])
@@ -43,7 +47,7 @@ def moments(number, *, per_moment=3):
 
 @pytest.mark.parametrize("every", [0.1, 1.0])
 def test_every_moment_of_every_window_is_a_part_that_is_told_before(recording, every):
-    found = moment_parts(keeps_speed, recording, every=every)
+    found = moment_parts(all_keep_speed, recording, every=every)
     each = list(found.each)
     assert found.total == len(each) > 20
     told = {window: [part.t0[0] for part in each if set(part.recording) == {window}] for window in recording.names}
@@ -54,7 +58,7 @@ def test_every_moment_of_every_window_is_a_part_that_is_told_before(recording, e
 
 def test_a_smoothed_recording_is_forecast_from_its_raw_rows(recording):
     ours, raw = (
-        joined(list(moment_parts(keeps_speed, one, every=2.0).each)).position_table()
+        joined(list(moment_parts(all_keep_speed, one, every=2.0).each)).position_table()
         for one in (clean(recording)[0], recording)
     )
     assert ours.equals(raw)
@@ -62,19 +66,19 @@ def test_a_smoothed_recording_is_forecast_from_its_raw_rows(recording):
 
 def test_a_smoothed_recording_alone_is_refused(recording):
     with pytest.raises(RecordingError, match="a forecast needs the raw recording"):
-        moment_parts(keeps_speed, replace(clean(recording)[0], raw=None), every=1.0)
+        moment_parts(all_keep_speed, replace(clean(recording)[0], raw=None), every=1.0)
 
 
 def test_less_than_4_s_are_refused(recording):
     short = replace(recording, tracks=recording.tracks.filter(pl.col("frame") < 300).group_by("recording").head(5))
     with pytest.raises(RecordingError, match=r"i80-1, i80-2: expected 4 s of traffic or more"):
-        moment_parts(keeps_speed, short, every=1.0)
+        moment_parts(all_keep_speed, short, every=1.0)
 
 
 def test_nobody_at_a_moment_is_a_part_without_vehicles(recording):
     frames = pl.col("frame")
     hole = replace(recording, tracks=recording.tracks.filter((frames < 60) | (frames > 120)))
-    lengths = [len(part) for part in moment_parts(keeps_speed, hole, every=1.0).each]
+    lengths = [len(part) for part in moment_parts(all_keep_speed, hole, every=1.0).each]
     assert min(lengths) == 0 < max(lengths)
 
 

@@ -48,7 +48,7 @@ def test_the_compiled_roll_out_is_what_a_plain_loop_makes_of_it(seed):
     x, lane = np.empty((6, SAMPLES, FUTURE), np.float32), np.empty((6, SAMPLES, FUTURE), np.int16)
     seen, can = np.empty((6, SAMPLES, 0, len(hazard) - 3)), np.zeros((6, SAMPLES, 0), dtype=bool)
     kernel_drive(start, learned, draws, driver, rate, may, np.arange(6), (0, 1), (0, SAMPLES), x, lane,
-                 np.zeros((6, FUTURE)), seen, can)  # fmt: skip
+                 np.zeros((6, FUTURE), np.int64), seen, can)  # fmt: skip
     for sample in range(SAMPLES):
         there, then = Plain(start, learned, draws, driver, rate, may, sample).run()
         np.testing.assert_array_equal(lane[:, sample], then)
@@ -164,3 +164,19 @@ def test_drivers_are_drawn_in_proportion_to_their_weights():
         count = np.bincount(drawn[row], minlength=7)
         assert np.abs(count - 50 * weights[row]).max() < 1.0
     np.testing.assert_array_equal(drawn_drivers(np.eye(7)[[2]], order[:1]), 2)
+
+
+def test_chances_are_the_same_whatever_the_threads():
+    made, situation = model(), _four()
+    found = []
+    for threads in (1, 2, 3):
+        with choosing_threads(threads):
+            found.append(drive(made, begin(made, situation), samples=30, seed=1).chance)
+    assert found[0].max() > 0.0
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+def _four():
+    x, v, lane = np.array([160.0, 120.0, 150.0, 90.0]), np.full(4, 9.0), np.array([RAMP, RAMP, MAIN[-1], MAIN[-1]])
+    return situation_of_traffic(traffic_of(x, v, lane, seen=np.full(4, 40), vehicle=np.arange(4)))

@@ -1,9 +1,10 @@
 """The forecaster: learns from recordings of a site how its vehicles drive and merge, and forecasts others of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import overload
 
@@ -16,7 +17,7 @@ from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts, joined
 from rampcast.forecast.held_out import HeldOut, check_enough, held_out
-from rampcast.forecast.parts import moment_parts
+from rampcast.forecast.parts import in_batches, moment_parts
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, Progress, check_same_site, tell_nobody
 from rampcast.forecast.stages import stages_of
 from rampcast.horizon import FUTURE
@@ -28,9 +29,10 @@ from rampcast.sites.site import NO_LANE
 from rampcast.threads import choosing_threads
 from rampcast.traffic import find_anchors
 from rampcast.traffic.anchors import need_ramp
+from rampcast.traffic.around import joined as around_joined
 from rampcast.traffic.around import merge_scenes_at
 from rampcast.traffic.moments import Traffic, traffic_at_times
-from rampcast.traffic.situation import forecastable, situation_of_traffic
+from rampcast.traffic.situation import forecastable, joined_situations, situation_of_traffic
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class Forecaster:
         """
         with choosing_threads(threads):
             if isinstance(what, Traffic):
-                return self._of_traffic(what)
+                return self._of_traffics([what])[0]
             return self.predict_at(what, find_anchors(what, every=every))
 
     def check(self, site: Site) -> None:
@@ -112,19 +114,20 @@ class Forecaster:
         if self.site is not None:
             check_same_site(self.site, site)
 
-    def _of_traffic(self, traffic: Traffic) -> Forecast:
-        self.check(traffic.site)
-        return forecast_traffic(self.model, traffic)
+    def _of_traffics(self, traffics: Sequence[Traffic]) -> list[Forecast]:
+        for traffic in traffics:
+            self.check(traffic.site)
+        return forecast_traffics(self.model, traffics)
 
     def predict_at(self, recording: Recording, rows: Int[np.ndarray, "scene"]) -> Forecasts:
         """Returns the forecasts of the vehicles at those rows of a recording, which `find_anchors` gave."""
         self.check(recording.site)
-        return _of_rows(recording, rows, self._of_traffic)
+        return _of_rows(recording, rows, self._of_traffics)
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns the forecasts of all vehicles of a recording, raw or smoothed, a moment after the other."""
         self.check(recording.site)
-        return moment_parts(self._of_traffic, recording, every=every)
+        return moment_parts(self._of_traffics, recording, every=every)
 
 
 def forecast_traffic(
@@ -135,29 +138,55 @@ def forecast_traffic(
     scale: Float[np.ndarray, "knot"] | None = None,
 ) -> Forecast:
     """Returns the forecast of all vehicles of a moment that can be forecast; see `Calibrated.futures`."""
-    rows = forecastable(traffic)
-    numbers = np.array([lane.number for lane in traffic.site.lanes])
-    if not len(rows):
-        nobody = np.zeros((0, samples or model.spec.samples, FUTURE), np.float32)
-        empty = np.zeros(0)
-        return Forecast(
-            traffic.site, traffic.t0, traffic.vehicle[:0], empty, empty.astype(int), empty, nobody, nobody.astype(int)
-        )  # fmt: skip
-    situation = situation_of_traffic(traffic)
-    vehicle = np.arange(len(rows))
-    scenes = merge_scenes_at(traffic, rows)
+    return forecast_traffics(model, [traffic], samples=samples, scale=scale)[0]
+
+
+def forecast_traffics(
+    model: Calibrated,
+    traffics: Sequence[Traffic],
+    *,
+    samples: int | None = None,
+    scale: Float[np.ndarray, "knot"] | None = None,
+) -> list[Forecast]:
+    """Returns the forecast of each moment, which are driven together: sooner done, and the same as one by one."""
+    rows = [forecastable(traffic) for traffic in traffics]
+    known = [place for place, some in enumerate(rows) if len(some)]
+    found = [_of_nobody(traffic, samples or model.spec.samples) for traffic in traffics]
+    if not known:
+        return found
+    situation = joined_situations([situation_of_traffic(traffics[place]) for place in known])
+    scenes = around_joined([merge_scenes_at(traffics[place], rows[place]) for place in known])
+    vehicle = np.arange(situation.first[-1])
     beginning, driven = model.futures(situation, scenes, vehicle, vehicle, samples=samples, scale=scale)
-    known = np.append(numbers, np.full(situation.end.shape[1] - len(numbers), NO_LANE)).astype(np.int16)
+    for place, (first, stop) in zip(known, pairwise(situation.first.tolist()), strict=True):
+        some = slice(first, stop)
+        site, lane = traffics[place].site, situation.lane[some]
+        numbers = _lane_numbers(site, situation.end.shape[1])
+        found[place] = Forecast(
+            site=site,
+            t0=traffics[place].t0,
+            vehicle=traffics[place].vehicle[rows[place]],
+            start=beginning.start.x[some],
+            start_lane=numbers[lane].astype(np.int64),
+            length=situation.length[some],
+            samples=driven.x[some],
+            lane=numbers.take(driven.lane[some], mode="clip"),
+        )
+    return found
+
+
+def _of_nobody(traffic: Traffic, samples: int) -> Forecast:
+    nobody, empty = np.zeros((0, samples, FUTURE), np.float32), np.zeros(0)
+    whole = empty.astype(int)
     return Forecast(
-        site=traffic.site,
-        t0=traffic.t0,
-        vehicle=traffic.vehicle[rows],
-        start=beginning.start.x,
-        start_lane=known[situation.lane].astype(np.int64),
-        length=situation.length,
-        samples=driven.x,
-        lane=known.take(driven.lane, mode="clip"),
-    )
+        traffic.site, traffic.t0, traffic.vehicle[:0], empty, whole, empty, nobody, nobody.astype(int)
+    )  # fmt: skip
+
+
+def _lane_numbers(site: Site, count: int) -> Int[np.ndarray, "lane"]:
+    """Returns the number of each lane of a situation, of which those beyond the site's are none."""
+    numbers = [lane.number for lane in site.lanes]
+    return np.array(numbers + [NO_LANE] * (count - len(numbers)), dtype=np.int16)
 
 
 def fit(
@@ -224,8 +253,12 @@ def _learned(
     return model, score
 
 
-def _of_rows(recording: Recording, rows: Int[np.ndarray, "scene"], predict: Callable[[Traffic], Forecast]) -> Forecasts:
-    """Returns the forecasts of the vehicles at those rows of a smoothed recording, a moment after the other."""
+def _of_rows(
+    recording: Recording,
+    rows: Int[np.ndarray, "scene"],
+    predict: Callable[[Sequence[Traffic]], list[Forecast]],
+) -> Forecasts:
+    """Returns the forecasts of the vehicles at those rows of a smoothed recording, some moments after the others."""
     if recording.raw is None:
         raise RecordingError(NEEDS_RAW)
     anchors = recording.tracks.select(c.RECORDING, c.VEHICLE, c.FRAME)[rows].with_row_index("scene")
@@ -235,9 +268,9 @@ def _of_rows(recording: Recording, rows: Int[np.ndarray, "scene"], predict: Call
     ):
         by_frame = some.partition_by(c.FRAME, maintain_order=True)
         times = np.array([part[c.FRAME][0] for part in by_frame]) * recording.time_step
-        for traffic, part in zip(traffic_at_times(recording.raw, str(window), times), by_frame, strict=True):
-            found = predict(traffic)
-            place = found.places(part[c.VEHICLE].to_list())
-            parts.append(found.reduced(place, recording=str(window)))
+        found = in_batches(predict, traffic_at_times(recording.raw, str(window), times))
+        for forecast, part in zip(found, by_frame, strict=True):
+            place = forecast.places(part[c.VEHICLE].to_list())
+            parts.append(forecast.reduced(place, recording=str(window)))
             order.append(part["scene"].to_numpy())
     return joined(parts).select(np.argsort(np.concatenate(order), kind="stable"))

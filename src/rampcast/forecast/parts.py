@@ -1,6 +1,6 @@
 """Forecasts of a recording part after part, and their files: memory does not grow with the number of moments."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Final
@@ -19,14 +19,17 @@ from rampcast.recording import Recording
 from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_times
 
 ROWS = 200_000  # of the longest table that are kept before they are written: some 10 MB
+BATCH = 16  # moments that are forecast together: 100 samples of 100 vehicles each are 72 MB
 SCENES = 256  # of a forecaster of scenes at a time
 
 
-def moment_parts(predict: Callable[[Traffic], Forecast], recording: Recording, *, every: float) -> Parts:
+def moment_parts(
+    predict: Callable[[Sequence[Traffic]], list[Forecast]], recording: Recording, *, every: float
+) -> Parts:
     """Returns the forecast of all vehicles of each moment of a recording; of no vehicle at a moment an empty one.
 
     Args:
-        predict: gives the forecast of one moment.
+        predict: gives the forecasts of some moments.
         recording: raw, or smoothed by `clean`, which keeps the raw one.
         every: time between two moments [s].
 
@@ -43,10 +46,19 @@ def moment_parts(predict: Callable[[Traffic], Forecast], recording: Recording, *
 
     def each() -> Iterator[Forecasts]:
         for window, moments in times.items():
-            for traffic in traffic_at_times(raw, window, moments):
-                yield predict(traffic).reduced(recording=window)
+            for forecast in in_batches(predict, traffic_at_times(raw, window, moments)):
+                yield forecast.reduced(recording=window)
 
     return Parts(total, each())
+
+
+def in_batches(
+    predict: Callable[[Sequence[Traffic]], list[Forecast]], moments: Iterable[Traffic]
+) -> Iterator[Forecast]:
+    """Yields the forecast of each moment; `BATCH` of them are made together."""
+    left = iter(moments)
+    while some := [*islice(left, BATCH)]:
+        yield from predict(some)
 
 
 def scene_parts(

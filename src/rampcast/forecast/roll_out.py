@@ -235,7 +235,8 @@ def _filled(
     watched: int,
 ) -> Driven:
     """Returns what the kernel fills in, moments or samples shared out among the threads."""
-    from rampcast.forecast.roll_out_kernel import drive as run  # numba: only who forecasts waits for it
+    from rampcast.forecast.roll_out_kernel import CHANCES  # numba: only who forecasts waits for it
+    from rampcast.forecast.roll_out_kernel import drive as run
     from rampcast.models.driver_loops import free_table
 
     samples, moments = driver.shape[1], len(start.first) - 1
@@ -251,16 +252,15 @@ def _filled(
     hazard = np.array([*model.hazard.weights, model.hazard.constant, model.hazard.first, model.hazard.last])
     learned = Law(drivers, free_table(drivers), _numbers(model), hazard)
 
-    def work(task: Task) -> Float[np.ndarray, "vehicle step"]:
-        chance = np.zeros(rate.shape)
+    def work(task: Task) -> Int[np.ndarray, "vehicle step"]:
+        chance = np.zeros(rate.shape, np.int64)
         run(
             start, learned, draws, driver, rate, may, row, task[:2], task[2:], found.x, found.lane, chance,
             found.seen, found.can,
         )  # fmt: skip
         return chance
 
-    chances = sharing(work, moments, samples)
-    found.chance[:] = np.sum(chances, axis=0)[wanted] / samples
+    found.chance[:] = np.sum(sharing(work, moments, samples), axis=0)[wanted] / (CHANCES * samples)
     return found
 
 

@@ -24,6 +24,7 @@ REGAINING = 0.3
 RELAXED = round(10.0 / STEP)  # steps until a fresh gap is as any other
 SAFE_GAP, SAFE_TIME = 2.0, 1.5  # [m], [s] of closing speed that a lane change between main lanes leaves
 WANTING = round(5.0 / STEP)  # steps for which a vehicle waits for such room, and then stays
+CHANCES = 2.0**40  # whole parts of a probability: their sum is the same in any order, so whatever the threads
 FAST = {"contract", "arcp", "nsz"}  # what is not exact to the last bit, but keeps infinity and NaN
 
 
@@ -116,7 +117,7 @@ def _merges(
         if not can:
             continue
         adds = _integrated(hazard, out) * rate[i, k]
-        gathered[i], chance[i, k] = gathered[i] + adds, chance[i, k] - np.expm1(-adds)
+        gathered[i], chance[i, k] = gathered[i] + adds, chance[i, k] - np.int64(CHANCES * np.expm1(-adds))
         if may[i] and gathered[i] >= threshold[i]:
             lane[i], leader[i], since[i] = target[here], ahead, 0
             if lag[i] != NOBODY:
@@ -282,7 +283,7 @@ def drive(
         row: of each vehicle in what is filled; negative where it is not wanted.
         moments, samples: first and stop of each.
         out_x, out_lane: fronts [m] and lanes, filled.
-        out_chance: of a merge, by vehicle and step, summed over the samples; filled.
+        out_chance: of a merge, by vehicle and step, in whole parts of 1/`CHANCES`, summed over the samples; filled.
         out_seen, out_can: features of the hazard, and whether it could merge; filled where they have room.
     """
     watched = out_can.shape[2]
