@@ -6,6 +6,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# a process for each core, up to four; the tests of a module share what it made
+IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
 
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
@@ -19,10 +21,10 @@ view: $(VENV)/.installed-live
 	$(BIN)/rampcast view
 
 test: $(VENV)/.installed-dev
-	$(BIN)/pytest
+	$(BIN)/pytest $(IN_PARALLEL)
 
 quick: $(VENV)/.installed-dev
-	$(BIN)/pytest -m "not slow" --jaxtyping-packages=
+	$(BIN)/pytest $(IN_PARALLEL) -m "not slow" --jaxtyping-packages=
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
