@@ -11,6 +11,7 @@ from starlette.responses import Response
 
 from rampcast.live.frames import MOST_BYTES
 
+MOST_DRAINED: Final = 16 << 20  # bytes of a body that is too long that are still read: else nobody hears the answer
 PATIENCE: Final = 10.0  # [s] in which a body has to come
 
 
@@ -51,11 +52,14 @@ async def body_of(request: Request) -> bytes:
         async with asyncio.timeout(PATIENCE):
             async for part in request.stream():
                 size += len(part)
-                if size > MOST_BYTES:
-                    raise Refusal(413, f"expected a body of at most {MOST_BYTES:,} bytes")
-                parts.append(part)
+                if size > MOST_DRAINED:
+                    break
+                if size <= MOST_BYTES:
+                    parts.append(part)
     except TimeoutError:
         raise Refusal(408, f"the body did not come within {PATIENCE:g} s") from None
+    if size > MOST_BYTES:
+        raise Refusal(413, f"expected a body of at most {MOST_BYTES:,} bytes")
     return b"".join(parts)
 
 

@@ -12,7 +12,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 MOST: Final = 500  # connections at once; each may hold a message of 256 kB
 MOST_OF_ONE: Final = 250  # of one address
 PATIENCE: Final = 10.0  # [s] in which the head of a request has to come
-FAREWELL: Final = 5.0  # [s] that one who was let go has to take what is on its way
+FAREWELL: Final = 2.0  # [s] that one who was let go has to take what is on its way
 BUFFER: Final = 256 * 1024  # bytes that wait in the kernel for one who is slow
 SPARE_FILES: Final = 256  # descriptors beside those of connections
 
@@ -49,6 +49,21 @@ class WebSockets(WebSocketsSansIOProtocol):
         """Runs the application."""
         cast(dict[str, Any], self.scope)["extensions"]["rampcast.let_go"] = {"call": self.let_go}
         await super().run_asgi()
+
+    def data_received(self, data: bytes) -> None:
+        """Takes what a client sends; nothing more of one that was told why it is sent away."""
+        if self.conn.parser_exc is None:
+            super().data_received(data)
+
+    def handle_parser_exception(self) -> None:
+        """Tells a client why it is sent away, and lets it hear that: to close at once would throw it away."""
+        assert self.conn.close_sent is not None
+        code, reason = self.conn.close_sent.code, self.conn.close_sent.reason
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": code, "reason": reason})
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.transport.resume_reading()
+        self.close_timer = self.loop.call_later(FAREWELL, self.transport.abort)
 
     def let_go(self, code: int, reason: str) -> None:
         """Closes without waiting for what is on its way; after some seconds that is thrown away."""

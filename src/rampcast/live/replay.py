@@ -6,8 +6,9 @@ from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+import msgspec
 import numpy as np
 import polars as pl
 
@@ -210,6 +211,13 @@ class Replay:
 def replay_of(path: str | Path, station: str, **choices: Any) -> Replay:
     """Returns the replay of a recording's parquet file."""
     return Replay(read_recording(Path(path)), station, **choices)
+
+
+class Control(msgspec.Struct):
+    """What a viewer asks of a replay; see `Replay.control`."""
+
+    action: Annotated[str, msgspec.Meta(max_length=16)]
+    value: float | None = None
 
 
 class Frames:

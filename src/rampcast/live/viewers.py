@@ -32,16 +32,17 @@ class Viewer:
     _waiting: deque[tuple[str, Encoded]] = field(default_factory=deque)
     _wake: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def put(self, kind: str, message: Encoded) -> None:
-        """Adds a message; the oldest of its kind goes if there are two already."""
+    def put(self, kind: str, message: Encoded) -> bool:
+        """Adds a message; returns whether one was dropped, the oldest of its kind, for there were two already."""
         if kind not in self.kinds:
-            return
+            return False
         same = [place for place, (one, _) in enumerate(self._waiting) if one == kind]
         if len(same) >= QUEUE:
             del self._waiting[same[0]]
             self.dropped += 1
         self._waiting.append((kind, message))
         self._wake.set()
+        return len(same) >= QUEUE
 
     @property
     def is_stalled(self) -> bool:
@@ -62,9 +63,14 @@ class Viewer:
 
 @dataclass
 class Viewers:
-    """All who watch one site."""
+    """All who watch one site.
+
+    Attributes:
+        dropped: messages that some of them missed.
+    """
 
     _all: set[Viewer] = field(default_factory=set)
+    dropped: int = 0
 
     def __len__(self) -> int:
         return len(self._all)
@@ -83,4 +89,4 @@ class Viewers:
     def publish(self, kind: str, message: Encoded) -> None:
         """Gives a message to all who want its kind."""
         for viewer in self._all:
-            viewer.put(kind, message)
+            self.dropped += viewer.put(kind, message)

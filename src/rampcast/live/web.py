@@ -18,8 +18,10 @@ from rampcast.live.entrance import Entrance
 from rampcast.live.frames import FrameError
 from rampcast.live.geo import site_geojson
 from rampcast.live.guard import Bucket, Guard
+from rampcast.live.metrics import KIND, Metrics
 from rampcast.live.near_misses import near_misses
-from rampcast.live.replay import Replay
+from rampcast.live.openapi import openapi
+from rampcast.live.replay import Control, Replay
 from rampcast.live.service import Service
 from rampcast.live.sockets import alarm_socket, ingest_socket, live_socket
 from rampcast.live.station import Station
@@ -47,6 +49,7 @@ def application(service: Service, *, guard: Guard | None = None, page: Path = PA
 
     app = Starlette(routes=[*_routes(), *_page(page)], lifespan=lifespan, exception_handlers={Refusal: error_answer})
     app.state.service, app.state.guard, app.state.buckets = service, guard, {}
+    app.state.metrics = Metrics(service)
     app.add_middleware(Entrance, guard=guard)
     return app
 
@@ -56,6 +59,8 @@ def _routes() -> list[BaseRoute]:
     return [
         Route("/healthz", healthy),
         Route("/readyz", ready),
+        Route("/metrics", metrics),
+        Route("/openapi.json", description),
         Route("/v1/sites", sites),
         Route(site, geometry),
         Route(f"{site}/latest", latest),
@@ -104,6 +109,17 @@ async def ready(request: Request) -> Response:
     """Answers whether forecasts can be had: 503 until the process that forecasts is warm."""
     is_ready = service_of(request).is_ready
     return answer({"status": "ready" if is_ready else "warming"}, status=200 if is_ready else 503)
+
+
+async def metrics(request: Request) -> Response:
+    """Answers with the metrics that Prometheus asks for."""
+    found: Metrics = request.app.state.metrics
+    return Response(found.text(), media_type=KIND)
+
+
+async def description(_: Request) -> Response:
+    """Answers with what can be asked, as OpenAPI tells it."""
+    return answer(openapi())
 
 
 async def sites(request: Request) -> Response:
@@ -162,7 +178,7 @@ async def vehicle_forecast(request: Request) -> Response:
 
 async def alarms(request: Request) -> Response:
     """Answers with the alarms after a number, and those that are raised now."""
-    kept, after = station_of(request).alarms, int(number_of(request, "after", 0, least=0))
+    kept, after = station_of(request).alarms, int(number_of(request, "after", 0.0, least=0.0))
     lost = max(kept.oldest - 1 - after, 0)
     return answer({"alarms": kept.after(after), "active": kept.active, "last": kept.number, "lost": lost})
 
@@ -211,10 +227,3 @@ async def replay_truth(request: Request) -> Response:
     begin, end = number_of(request, "from_ms"), number_of(request, "to_ms")
     every = number_of(request, "every_ms", 200.0, least=1.0)
     return answer({"site": replay.station, "vehicles": replay.truth(begin, end, every)})
-
-
-class Control(msgspec.Struct):
-    """What a viewer asks of a replay; see `Replay.control`."""
-
-    action: str
-    value: float | None = None
