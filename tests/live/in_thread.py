@@ -68,11 +68,13 @@ class _NoForecasts:
 
 
 @contextmanager
-def serving(*, guard: Guard | None = None, sites: tuple[str, ...] = ("i80",), sources=()) -> Iterator[Inside]:
+def serving(
+    *, guard: Guard | None = None, sites: tuple[str, ...] = ("i80",), sources=(), port: int = 0
+) -> Iterator[Inside]:
     """Serves while the test asks."""
     service = Service({name: Station(name, load_site(name)) for name in sites}, sources=sources)
     service.supervisor.run = _NoForecasts().run
-    address = Address(port=0)
+    address = Address(port=port)
     app = application(service, guard=guard or address.guard)
     listening = _listen(address)
     inside = Inside(service, listening.getsockname()[1])

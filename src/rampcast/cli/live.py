@@ -132,12 +132,11 @@ def choices_of(model: Path | None, *, sources: "list[Source]") -> "Choices":
     Raises:
         RampcastError: the model is none that forecasts all vehicles of a moment.
     """
-    from rampcast.forecast.forecaster import Forecaster
-    from rampcast.forecast.storage import load
     from rampcast.live.replay import Replay
     from rampcast.live.service import Choices
+    from rampcast.models.folder import kind_of
 
-    if model is not None and not isinstance(load(model), Forecaster):
+    if model is not None and kind_of(model) != "rampcast":
         raise RampcastError(f"--model {model}: the paper's framework; expected a model of `rampcast train`")
     replays = any(isinstance(one, Replay) for one in sources)
     return Choices("pretrained" if model is None else str(model.absolute()), recalibrates=not replays)

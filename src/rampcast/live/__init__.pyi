@@ -1,3 +1,7 @@
+from .client import AsyncClient as AsyncClient
+from .client import Client as Client
+from .client import LiveForecast as LiveForecast
+from .client import LiveVehicle as LiveVehicle
 from .replay import Replay as Replay
 from .service import Choices as Choices
 from .service import Service as Service

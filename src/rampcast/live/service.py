@@ -13,7 +13,7 @@ from rampcast.live.messages import encoded
 from rampcast.live.newest import NewestError
 from rampcast.live.station import Station, Taken
 from rampcast.live.supervisor import Supervisor
-from rampcast.live.worker import Answer, Work, WorkerSite
+from rampcast.live.work import Answer, Work, WorkerSite
 from rampcast.sites.site import site_to_dict
 
 BEAT: Final = 0.5  # [s] between two looks at what is stale, and 1 s between two status messages

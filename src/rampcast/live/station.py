@@ -15,7 +15,7 @@ from rampcast.live.frames import Frame, FrameError, Seen
 from rampcast.live.messages import Encoded, encoded, head, kind_name, known
 from rampcast.live.tracks import TrackStore, kind_of
 from rampcast.live.viewers import Viewers
-from rampcast.live.worker import Answer
+from rampcast.live.work import Answer
 from rampcast.roads.project import lanes_at
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE

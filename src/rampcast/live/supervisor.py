@@ -15,7 +15,7 @@ import msgspec
 
 from rampcast.live.log import log
 from rampcast.live.newest import Newest, shared_memory
-from rampcast.live.worker import SIZE, Answer, Work
+from rampcast.live.work import SIZE, Answer, Work
 
 LONGEST: Final = 32 << 20  # bytes of an answer
 HANGS: Final = 20.0  # [s] without an answer, with something to forecast, after which the process is ended

@@ -9,7 +9,8 @@ import numpy as np
 from rampcast.forecast.forecaster import Forecaster
 from rampcast.forecast.online import NEW, Online
 from rampcast.live.degrading import Degrading
-from rampcast.live.messages import MILLIMETRES, Encoded, encoded_forecast, head, kind_name, known, vehicles_of
+from rampcast.live.messages import MILLIMETRES, Encoded, encoded_forecast, head, kind_name, known
+from rampcast.live.told import vehicles_of
 from rampcast.live.tracks import Snapshot
 from rampcast.sites import Site
 from rampcast.traffic.moments import Traffic, traffic_of_rows

@@ -19,7 +19,6 @@ from rampcast.live.frames import FrameError
 from rampcast.live.geo import site_geojson
 from rampcast.live.guard import Bucket, Guard
 from rampcast.live.metrics import KIND, Metrics
-from rampcast.live.near_misses import near_misses
 from rampcast.live.openapi import openapi
 from rampcast.live.replay import Control, Replay
 from rampcast.live.service import Service
@@ -207,6 +206,8 @@ def _replay(request: Request) -> Replay:
 async def replay_state(request: Request) -> Response:
     """Answers where the replay is, when vehicles of the recording merge, and which merges were dangerous."""
     replay = _replay(request)
+    from rampcast.live.near_misses import near_misses  # jax: only who replays waits for it
+
     marks = {"merges": replay.merges(), "conflicts": near_misses(replay.recording)}
     return answer({"site": replay.station, **replay.state, **marks})
 

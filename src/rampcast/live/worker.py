@@ -7,7 +7,6 @@ socket over which it is told that there is something new, and over which it answ
 import os
 import select
 import socket
-import struct
 import sys
 import time
 from pathlib import Path
@@ -22,55 +21,13 @@ from rampcast.live.frames import VERSION
 from rampcast.live.newest import Newest
 from rampcast.live.tick import Tick
 from rampcast.live.tracks import Snapshot
+from rampcast.live.work import SIZE, Answer, Work, WorkerSite
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE, site_from_dict
 from rampcast.threads import choosing_threads
 from rampcast.traffic.moments import Rows
 
-SIZE: Final = struct.Struct("<I")  # before each answer
 POLITE: Final = 5  # by which it gives way to the process that takes frames in and serves viewers
-
-
-class WorkerSite(msgspec.Struct):
-    """A site that the process forecasts."""
-
-    name: str
-    site: dict[str, Any]
-    model: str
-    recalibrates: bool
-    degrades: bool
-
-
-class Work(msgspec.Struct):
-    """All that the process is told at its beginning."""
-
-    sites: list[WorkerSite]
-    threads: int | None = None
-
-
-class Answer(msgspec.Struct):
-    """What the process gives back.
-
-    Attributes:
-        kind: "ready", "forecast" or "failed".
-        site: place of the site in the list.
-        json, binary: the message.
-        note: seq, epoch, t_obs_ms and t_in_ms of the frame that it is of.
-        took: [s].
-        risks: see `tick.risks`.
-        degraded: what is left out.
-        text: of a failure.
-    """
-
-    kind: str
-    site: int = 0
-    json: bytes = b""
-    binary: bytes = b""
-    note: dict[str, Any] = {}
-    took: float = 0.0
-    risks: list[Any] = []
-    degraded: str | None = None
-    text: str = ""
 
 
 def main(memory: int, descriptor: int) -> None:
