@@ -2,6 +2,7 @@
 # make test   installs and runs all tests
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
 # make view   installs and plays a simulated recording with its forecasts in the browser
+# make soak   installs and runs the live service under load for an hour (SECONDS=300: five minutes)
 # make pretrained   trains the model that the wheel brings along, from the recordings in RAMPCAST_DATA and the shipped ones
 PYTHON ?= python3
 VENV := .venv
@@ -12,7 +13,7 @@ IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test quick check bench bench-smoke docs sample pretrained clean
+.PHONY: demo view test quick check bench bench-smoke soak docs sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -35,6 +36,9 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+soak: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/bench_live.py --soak $(or $(SECONDS),3600)
 
 bench-smoke: $(VENV)/.installed-dev
 	$(BIN)/pytest tests/test_benchmarks.py
