@@ -9,6 +9,7 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
+    AcceptDoubtful,
     Files,
     FormatName,
     Gore,
@@ -27,7 +28,15 @@ from rampcast.cli.options import (
     writable_folder,
 )
 from rampcast.cli.ramp import site_with_ramp
-from rampcast.cli.reading import Reading, read_road, read_roads, user_command, warn_if_off_road
+from rampcast.cli.reading import (
+    Reading,
+    doubtful_of,
+    read_road,
+    read_roads,
+    user_command,
+    warn_if_off_road,
+    warn_of_breaches,
+)
 from rampcast.errors import SiteError
 
 if TYPE_CHECKING:
@@ -76,15 +85,20 @@ def convert(
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
+    accept_doubtful: AcceptDoubtful = False,
 ) -> None:
     """Reads recordings of one place and writes a parquet file of each road (several: x-ROAD.parquet for x.parquet)."""
     from rampcast.formats import convert_all
+    from rampcast.recording import read_recording
 
     with terminal.progress(f"convert to {out}"):
-        written, report = convert_all(files, out, **Reading(site, format, mapping, skip_bad_rows).arguments)
+        options = Reading(site, format, mapping, skip_bad_rows).arguments
+        written, report = convert_all(files, out, **options, doubtful=doubtful_of(accept_doubtful))
     terminal.print_reading(report)
     warn_if_off_road(report, site)
     terminal.print_written(written)
+    if accept_doubtful:
+        warn_of_breaches([read_recording(path) for path in written])
 
 
 @app.command(epilog="Example:\n\nrampcast formats --json")

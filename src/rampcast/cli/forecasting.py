@@ -9,6 +9,7 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
+    AcceptDoubtful,
     AnyModel,
     Batch,
     Epochs,
@@ -52,6 +53,7 @@ def train(
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
+    accept_doubtful: AcceptDoubtful = False,
     epochs: Epochs = 25,
     batch: Batch = 32,
     stride: Stride = 1,
@@ -71,16 +73,15 @@ def train(
     refuse_without_effect(context, paper=paper, mode=mode)
     check_replaceable(out)
     with terminal.progress() as tell:
-        recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows))
+        recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows, accept_doubtful))
         model: RecordingForecaster
         if paper is None:
-            spec, kept = ForecasterSpec(seed=seed), out / STAGES
-            model = fit(recording, spec=spec, start=started(start), kept=kept, progress=tell)
+            spec, begun = ForecasterSpec(seed=seed), started(start)
+            model = fit(recording, spec=spec, start=begun, kept=out / STAGES, progress=tell)
         else:
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)
-    terminal.say(f"wrote the model to {out}, trained on {', '.join(recording.names)}")
-    terminal.print_held_out(getattr(model, "score", None))
+    terminal.print_trained(out, recording.names, getattr(model, "score", None))
 
 
 def started(start: str) -> "Forecaster | None":
@@ -129,6 +130,7 @@ def forecast(
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
+    accept_doubtful: AcceptDoubtful = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
     recording: Annotated[list[Path] | None, typer.Option("--recording", hidden=True)] = None,
 ) -> None:
@@ -139,7 +141,7 @@ def forecast(
     """
     from rampcast.forecast.parts import write_forecasts
 
-    forecaster, reading = trained_model(model), Reading(site, format, mapping, skip_bad_rows)
+    forecaster, reading = trained_model(model), Reading(site, format, mapping, skip_bad_rows, accept_doubtful)
     with terminal.progress() as tell:
         parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell)
         written = write_forecasts(parts, out, suffixes=(".parquet", ".csv") if csv else (".parquet",))
@@ -191,6 +193,7 @@ def evaluate(
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
+    accept_doubtful: AcceptDoubtful = False,
     seed: Seed = 1,
 ) -> None:
     """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
@@ -199,7 +202,7 @@ def evaluate(
 
     with terminal.progress("forecast and score"):
         forecaster = load(model)
-        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows))
+        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows, accept_doubtful))
         result, page = score(forecaster, smoothed, out, every=every, seed=seed, command=user_command())
     terminal.print_errors(result.tables["longitudinal"])
     terminal.say(f"wrote {page}")

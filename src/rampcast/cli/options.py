@@ -53,6 +53,9 @@ MappingFile = Annotated[
 ]
 SiteName = Annotated[str | None, typer.Option("--site", help="A site's name or .toml file. Default: told by the file.")]
 SkipBadRows = Annotated[bool, typer.Option("--skip-bad-rows", help="Count and list rows that are malformed; go on.")]
+AcceptDoubtful = Annotated[
+    bool, typer.Option("--accept-doubtful", help="Go on with what no road or vehicle has; it is named and counted.")
+]
 OutFolder = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
 OutFile = Annotated[Path, typer.Option("--out", callback=writable_file, help="File to write.")]
 ModelFolder = Annotated[Path, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]

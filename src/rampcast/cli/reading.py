@@ -2,6 +2,8 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +23,7 @@ class Reading(NamedTuple):
     format: str | None
     mapping: Path | None
     skip_bad_rows: bool
+    accept_doubtful: bool = False
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -31,6 +34,10 @@ class Reading(NamedTuple):
 
 def bad_rows_of(skip: bool) -> str:
     return "skip" if skip else "raise"
+
+
+def doubtful_of(accept: bool) -> str:
+    return "accept" if accept else "refuse"
 
 
 def read_roads(files: list[Path], reading: Reading) -> "tuple[tuple[Recording, ...], ReadReport]":
@@ -68,7 +75,17 @@ def read_raw(files: list[Path], reading: Reading) -> "Recording":
     recording, report = read_any(files, **reading.arguments)
     warn_if_off_road(report, reading.site)
     terminal.print_reading(report)
-    return recording
+    warn_of_breaches([recording] if reading.accept_doubtful else [])
+    return replace(recording, is_accepted=reading.accept_doubtful)
+
+
+def warn_of_breaches(recordings: "Sequence[Recording]") -> None:
+    """Says what of recordings no road or vehicle has."""
+    from rampcast.recording.invariants import breaches_of
+
+    for recording in recordings:
+        for breach in breaches_of(recording):
+            terminal.warn(str(breach))
 
 
 def read_smoothed(files: list[Path], reading: Reading) -> "Recording":

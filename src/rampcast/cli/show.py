@@ -125,6 +125,12 @@ def print_download(found: "Download", folder: Path) -> None:
     say(f"next: rampcast inspect {files}" + (" --skip-bad-rows" if found.rows_skipped else ""))
 
 
+def print_trained(out: Path, windows: Sequence[str], score: "HeldOut | None") -> None:
+    """Prints where the model is, what it was trained on, and what it is worth."""
+    say(f"wrote the model to {out}, trained on {', '.join(windows)}")
+    print_held_out(score)
+
+
 def print_held_out(score: "HeldOut | None") -> None:
     """Prints the errors on the minutes that were held out; nothing where none were."""
     from rampcast.horizon import STEP
@@ -197,6 +203,8 @@ def print_summary(summary: "Summary") -> None:
         for row in text.rows:
             table.add_row(*map(escape, row))
         output.print(table)
+    for breach in summary.breaches:
+        warn(str(breach))
 
 
 def print_scores(out: Path) -> None:

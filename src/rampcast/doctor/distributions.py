@@ -8,10 +8,11 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from rampcast.doctor.checks.motion import FASTEST, LARGEST_JERK
+from rampcast.doctor.checks.motion import LARGEST_JERK
 from rampcast.doctor.subject import Subject
 from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
+from rampcast.recording.cutting import FASTEST
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
 QUANTILES = (0.001, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.999)

@@ -18,6 +18,8 @@ from rampcast.doctor.subject import Subject, subject_of
 from rampcast.notebook import html_table
 from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
+from rampcast.recording.breach import Breach
+from rampcast.recording.invariants import breaches_of
 from rampcast.recording.recording import READ_FIRST, Recording
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
@@ -70,6 +72,7 @@ class Summary:
         total: the same numbers of all windows together.
         lanes: a row for each window and lane, and for each lane of all: rows, vehicles, role, and where the vehicles
             drive beside where the site says, `median_y` and `centre` [m, NaN where the site does not know the lane].
+        breaches: what of the recording no road or vehicle has, the doctor's and the doors' invariants.
     """
 
     site: str
@@ -78,6 +81,7 @@ class Summary:
     windows: pl.DataFrame
     total: Mapping[str, Any]
     lanes: pl.DataFrame
+    breaches: tuple[Breach, ...] = ()
 
     def paper(self, name: str) -> Mapping[str, int]:
         """Returns what the paper prints of a window, or of "all"; nothing of most."""
@@ -97,7 +101,8 @@ class Summary:
             for found in [self.paper(row[NAME])]
         ]
         of_recording = {"site": self.site, "source": self.source, "simulated": self.simulated}
-        return {**of_recording, "windows": each[:-1], "total": each[-1]}
+        doubtful = [str(one) for one in self.breaches]
+        return {**of_recording, "windows": each[:-1], "total": each[-1], "doubtful": doubtful}
 
     def __repr__(self) -> str:
         count = self.windows.height
@@ -130,7 +135,15 @@ def inspect(recording: Recording) -> Summary:
     expected(Recording, recording, name="recording", advice=READ_FIRST)
     subject, site = subject_of(recording, None), recording.site
     found = _numbers(subject)
-    return Summary(site.name, recording.source, site.simulated, found[:-1], found.row(-1, named=True), _lanes(subject))
+    return Summary(
+        site.name,
+        recording.source,
+        site.simulated,
+        found[:-1],
+        found.row(-1, named=True),
+        _lanes(subject),
+        breaches_of(recording),
+    )
 
 
 def counts_table(found: Summary) -> TextTable:

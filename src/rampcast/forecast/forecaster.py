@@ -24,6 +24,7 @@ from rampcast.horizon import FUTURE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.hashes import recording_hash, window_hashes
+from rampcast.recording.invariants import check_believable
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 from rampcast.threads import choosing_threads
@@ -97,13 +98,16 @@ class Forecaster:
             threads: to work with; None for RAMPCAST_THREADS, or all cores.
 
         Raises:
-            RampcastError: it is no smoothed recording, or there is nothing to forecast in it.
+            RampcastError: it is no smoothed recording, it is not as roads and vehicles are, or there is nothing to
+                forecast in it.
             ModelError: it is of another site.
         """
         with choosing_threads(threads):
             if isinstance(what, Traffic):
                 return self._of_traffics([what])[0]
-            return self.predict_at(what, find_anchors(what, every=every))
+            rows = find_anchors(what, every=every)
+            check_believable(what, doing="the forecast")
+            return self.predict_at(what, rows)
 
     def check(self, site: Site) -> None:
         """Checks that it may forecast vehicles of that site.
@@ -127,6 +131,7 @@ class Forecaster:
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns the forecasts of all vehicles of a recording, raw or smoothed, a moment after the other."""
         self.check(recording.site)
+        check_believable(recording, doing="the forecast")
         return moment_parts(self._of_traffics, recording, every=every)
 
 
@@ -214,9 +219,9 @@ def fit(
     Raises:
         RampcastError: it is no smoothed recording, its site has no ramp, or nobody follows or merges in it.
     """
-    spec, tell = spec or ForecasterSpec(), progress or tell_nobody
-    spec = spec if every is None else replace(spec, spacing=every)
+    spec, tell = _spec_of(spec, every), progress or tell_nobody
     need_ramp(recording)
+    check_believable(recording, doing="training")
     data_hash = recording_hash(recording)
     with choosing_threads(threads):
         model, score = _learned(recording, data_hash, spec, start, kept, tell)
@@ -229,6 +234,11 @@ def fit(
         window_hashes=window_hashes(recording),
         score=score,
     )
+
+
+def _spec_of(spec: ForecasterSpec | None, every: float | None) -> ForecasterSpec:
+    spec = spec or ForecasterSpec()
+    return spec if every is None else replace(spec, spacing=every)
 
 
 def _learned(

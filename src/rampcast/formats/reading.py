@@ -14,7 +14,9 @@ from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
 from rampcast.formats.registry import all_formats, format_named
 from rampcast.recording import Recording, write_recordings
+from rampcast.recording.breach import Doubtful
 from rampcast.recording.cutting import cut_tracks
+from rampcast.recording.invariants import check_believable
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.roads.ramp import road_named
 from rampcast.sites import Site, site_of
@@ -30,6 +32,7 @@ def read(
     format: str | None = None,
     mapping: str | Path | None = None,
     bad_rows: BadRows | str = BadRows.RAISE,
+    doubtful: Doubtful | str = Doubtful.REFUSE,
 ) -> Recording:
     """Returns the recording in files or frames; what reading found is its `report`.
 
@@ -40,6 +43,8 @@ def read(
         format: name of the format, as `rampcast formats` lists them; None tells it by the content.
         mapping: path of a TOML file that says what the columns of a foreign table are; None where they are known.
         bad_rows: "raise" makes a row that is not as it should be an error, "skip" skips and counts it.
+        doubtful: "refuse" lets `fit` and `predict` refuse a recording that is not as roads and vehicles are, "accept"
+            lets them go on.
 
     Raises:
         RampcastError: a file or frame is not there or not as it should be, or an argument is not.
@@ -50,7 +55,8 @@ def read(
     else:
         recordings, report = read_all(source, **options)
         recording = road_named(recordings, road)
-    return replace(recording, report=report)
+    accepted = chosen(Doubtful, doubtful, name="doubtful") is Doubtful.ACCEPT
+    return replace(recording, report=report, is_accepted=accepted)
 
 
 def _meant(
@@ -140,6 +146,7 @@ def convert_all(
     format: str | None = None,
     mapping: str | Path | None = None,
     bad_rows: BadRows | str = BadRows.RAISE,
+    doubtful: Doubtful | str = Doubtful.REFUSE,
 ) -> tuple[list[Path], ReadReport]:
     """Writes the recordings in files of one of the formats, and returns the files written and what reading found.
 
@@ -147,10 +154,11 @@ def convert_all(
 
     Args:
         out: the file to write, a .parquet; of several roads one each, named as `write_recordings` does.
+        doubtful: whether a recording that is not as roads and vehicles are is refused, or written all the same.
 
     Raises:
         FormatError: `out` is no .parquet or one of the files to read, or as `read_all`.
-        RecordingError: as `read_all`.
+        RecordingError: as `read_all`, or a recording is not as roads and vehicles are.
     """
     out = Path(out)
     site, format, mapping, bad_rows = _meant(site, format, mapping, bad_rows)
@@ -164,6 +172,9 @@ def convert_all(
         written, report = entry.convert(heads, out, site, bad_rows)
         return list(written), report
     recordings, report = _read(heads, site, entry.name if entry else format, mapping, bad_rows)
+    accepted = chosen(Doubtful, doubtful, name="doubtful") is Doubtful.ACCEPT
+    for recording in recordings:
+        check_believable(replace(recording, is_accepted=accepted), doing=f"conversion of {', '.join(report.files)}")
     return write_recordings(recordings, out), report
 
 

@@ -34,6 +34,7 @@ from rampcast.paper.scenes.scenes import Scenes
 from rampcast.paper.scenes.stand_ins import with_stand_ins
 from rampcast.recording import Recording, clean
 from rampcast.recording.hashes import recording_hash, window_hashes
+from rampcast.recording.invariants import check_believable
 from rampcast.sites import Site
 from rampcast.threads import choosing_threads, in_threads
 from rampcast.traffic import find_anchors, need_ramp
@@ -111,7 +112,9 @@ class PaperForecaster:
             ModelError: a model is unknown, or the recording is of another site.
         """
         with choosing_threads(threads):
-            return self.predict_at(recording, find_anchors(recording, every=every), models=models)
+            rows = find_anchors(recording, every=every)
+            check_believable(recording, doing="the forecast")
+            return self.predict_at(recording, rows, models=models)
 
     def predict_at(
         self, recording: Recording, rows: Int[np.ndarray, "scene"], *, models: Sequence[str] | None = None
@@ -121,6 +124,7 @@ class PaperForecaster:
 
     def in_parts(self, recording: Recording, *, every: float = 1.0) -> Parts:
         """Returns what `predict` does, in parts that are made one after the other; a raw recording is smoothed."""
+        check_believable(recording, doing="the forecast")
         smoothed = recording if recording.is_smoothed else clean(recording)[0]
         return scene_parts(self.predict_at, smoothed, find_anchors(smoothed, every=every))
 
@@ -177,6 +181,7 @@ def fit_paper(
             target lane.
     """
     need_ramp(recording)
+    check_believable(recording, doing="training")
     mode, spec = chosen(Mode, mode, name="mode"), spec or PaperSpec()
     with choosing_threads(threads):
         ramp, target = for_each_lane(

@@ -37,6 +37,7 @@ class Recording:
         report: what reading found, of a recording that `rc.read` returned; None of any other.
         raw: of a smoothed recording the one that it was made from, without which nothing can be forecast from the past
             alone; None of any other, and of one that was written to a file in between.
+        is_accepted: whether somebody said to go on although it is not as roads and vehicles are (see `invariants`).
         began: when frame 0 of each window was, where the source tells: [s since 1970, UTC] by name of the window.
     """
 
@@ -47,8 +48,11 @@ class Recording:
     report: ReadReport | None = field(default=None, compare=False, repr=False)
     raw: "Recording | None" = field(default=None, compare=False, repr=False)
     began: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
+    is_accepted: bool = field(default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not 0 < self.time_step < math.inf:
+            raise RecordingError(f"time_step: expected the seconds between two frames, got {self.time_step}")
         missing = [name for name in c.SCHEMA if name not in self.tracks.columns]
         if missing:
             raise RecordingError(f"a recording needs the columns {missing}; it has {self.tracks.columns}")

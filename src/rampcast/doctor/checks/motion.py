@@ -5,13 +5,14 @@ import polars as pl
 from jaxtyping import Float
 
 from rampcast.doctor.finding import NOT_SMOOTHED, Faults, NotAssessed
-from rampcast.doctor.places import no_places
+from rampcast.doctor.places import VALUE, moments, no_places
 from rampcast.doctor.subject import Subject
 from rampcast.physics.minimums import RECORDED_LIMIT
 from rampcast.recording import columns as c
+from rampcast.recording.cutting import FASTEST
+from rampcast.recording.invariants import CHECKS, breaches_of
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 
-FASTEST = 70.0  # [m/s] 252 km/h: the speed to which makers limit most fast cars is 250 km/h
 LARGEST_JERK = 15.0  # [m/s^3] Punzo, Borzacchiello and Ciuffo 2011, Transportation Research C 19, their limit for NGSIM
 BACKING = -1.0  # [m/s] faster backwards than the noise of a vehicle that stands
 REVERSED = -5.0  # [m] a vehicle that ends a car's length behind where it began
@@ -22,6 +23,19 @@ STANDS = 2.0  # [m] over which a standing vehicle may seem to move
 def cannot_smooth(subject: Subject) -> Faults:
     """Returns one if the recording cannot be smoothed, with the reason."""
     return Faults(no_places(), of=1, count=int(subject.cleaned is None), detail=subject.why_not)
+
+
+def invariants(subject: Subject) -> Faults:
+    """Returns what of the recording no road or vehicle has: what spoils a forecast counts, and the rest is told."""
+    found = breaches_of(subject.recording)
+    spoiling = [one for one in found if one.spoils]
+    places = {
+        c.RECORDING: [one.window or None for one in spoiling],
+        c.VEHICLE: [one.vehicle for one in spoiling],
+        c.FRAME: [one.frame for one in spoiling],
+        VALUE: [one.value for one in spoiling],
+    }
+    return Faults(moments(places), of=len(CHECKS), detail="; ".join(map(str, spoiling)))
 
 
 def teleports(subject: Subject) -> Faults:

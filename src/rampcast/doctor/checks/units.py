@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from rampcast.doctor.checks.motion import FASTEST
 from rampcast.doctor.checks.recorded import FEWEST, compared_speeds, speed_ratio, unit_of_speed
 from rampcast.doctor.finding import Faults, NotAssessed
 from rampcast.doctor.places import VALUE, moments
 from rampcast.doctor.subject import Subject
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import columns as c
+from rampcast.recording.cutting import FASTEST
 
 CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
 LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide

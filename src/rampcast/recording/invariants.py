@@ -1,0 +1,354 @@
+"""What every recording of a road keeps, whatever it was made from: checked before anything is written or forecast.
+
+One set of checks for the doctor, `inspect` and the doors of `convert`, `train`, `forecast` and `serve`. Each finds at
+most one `Breach`: the worst place, how many there are, and whether they spoil a forecast.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float
+
+from rampcast.arguments import expected
+from rampcast.horizon import SAME_STEP, STEP
+from rampcast.recording import columns as c
+from rampcast.recording.breach import Breach, refuse
+from rampcast.recording.cutting import FASTEST
+from rampcast.recording.recording import KEY, READ_FIRST, Recording
+from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP
+
+BESIDE = 500.0  # [m] and half the section before and behind it: the originals of NGSIM go 9 % beyond
+ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
+LENGTHS = (1.0, 30.0)  # [m] a moped is 1.7 m long, the longest road trains in Europe 25.25 m
+CAR_LENGTHS = (3.0, 7.0)  # [m] of the median car; the doctor is stricter
+SHORTEST_STEP = 0.005  # [s] 200 Hz: no sensor on a road is as fast
+LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two recordings
+LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
+BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began drives upstream
+RATIO = (0.8, 1.25)  # of recorded to derived speeds; docs/doctor.md
+MOVING = 3.0  # [m/s] slower vehicles tell nothing of a ratio
+SAME_PLACE = 0.5  # [m] two vehicles cannot be in one lane and so near to each other
+SPEED_OFF = 2.0  # [m/s] of a smoothed speed against its positions: 10 m after 5 s
+SLIP = 5.0  # [m] and all that grip allows, from where a vehicle was going; `cutting` cuts there
+FEW = 20  # rows below which shares tell nothing
+RARE, SOME, MANY = 0.001, 0.01, 0.1  # shares of rows, or of vehicles
+UNITS = {
+    "km/h": 3.6,
+    "miles per hour": 1 / 0.44704,
+    "feet per second": 1 / 0.3048,
+}  # of a speed in them over one in m/s
+
+Row = Float[np.ndarray, "row"]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """A recording's rows by vehicle and frame."""
+
+    recording: Recording
+    tracks: pl.DataFrame
+
+    @cached_property
+    def same(self) -> Bool[np.ndarray, "row"]:
+        """Returns whether the row before is of the same vehicle."""
+        part, vehicle = self.tracks[c.RECORDING].rle_id().to_numpy(), self.tracks[c.VEHICLE].to_numpy()
+        return np.r_[False, (part[1:] == part[:-1]) & (vehicle[1:] == vehicle[:-1])]
+
+    @cached_property
+    def elapsed(self) -> Row:
+        """Returns the time since the vehicle's row before [s]; NaN at its first, and after long holes."""
+        frame = self.tracks[c.FRAME].to_numpy().astype(float)
+        time = np.diff(frame, prepend=np.nan) * self.recording.time_step
+        return np.where(self.same & (time > 0) & (time <= LONGEST_FILLED_GAP), time, np.nan)
+
+    @cached_property
+    def x(self) -> Row:
+        """Returns the longitudinal positions [m]."""
+        return self.tracks[c.X].to_numpy().astype(float)
+
+    @cached_property
+    def speed(self) -> Row:
+        """Returns the mean speed since the row before [m/s]; NaN where there is none."""
+        return np.diff(self.x, prepend=np.nan) / self.elapsed
+
+    def breach(
+        self, name: str, found: Bool[np.ndarray, "row"], values: Row, of: int, most: float, **words: str
+    ) -> Breach | None:
+        """Returns the breach of the rows found, if there are any; it spoils where their share is above `most`."""
+        rows = np.flatnonzero(found)
+        if not len(rows):
+            return None
+        size = np.abs(np.nan_to_num(values[rows], nan=np.inf))
+        worst = int(rows[size.argmax()])
+        window, vehicle, frame = self.tracks.select(*KEY).row(worst)
+        spoils = len(rows) > most * max(of, 1)
+        return Breach(
+            name,
+            words["what"],
+            str(window),
+            vehicle,
+            frame,
+            float(values[worst]),
+            words["expected"],
+            len(rows),
+            of,
+            words["cause"],
+            spoils,
+        )
+
+
+Check = Callable[[_Rows], Breach | None]
+
+
+def breaches_of(recording: Recording) -> tuple[Breach, ...]:
+    """Returns what of a recording no road or vehicle has."""
+    if recording.tracks.is_empty():
+        return ()
+    sorted_tracks = recording.tracks.sort(KEY, maintain_order=True)
+    repeats = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in KEY).fill_null(False)
+    rows = _Rows(recording, sorted_tracks.filter(~repeats))
+    return tuple(_found(rows))
+
+
+def check_believable(recording: Recording, *, doing: str) -> tuple[Breach, ...]:
+    """Returns the breaches of a recording that may be gone on with.
+
+    Args:
+        recording: whose `is_accepted` says whether somebody accepted what it is like; its raw rows count too.
+        doing: what is about to be done, as "forecast of i80".
+
+    Raises:
+        RecordingError: a breach spoils a forecast, and nobody accepted it.
+    """
+    expected(Recording, recording, name="recording", advice=READ_FIRST)
+    raw = () if recording.raw is None else breaches_of(recording.raw)
+    found = (*raw, *(one for one in breaches_of(recording) if one.name not in {breach.name for breach in raw}))
+    if not recording.is_accepted:
+        refuse(found, doing=doing)
+    return found
+
+
+def _found(rows: _Rows) -> Iterator[Breach]:
+    for check in CHECKS:
+        if (breach := check(rows)) is not None:
+            yield breach
+
+
+def _no_numbers(rows: _Rows) -> Breach | None:
+    """Returns positions, speeds and sizes that are no finite numbers."""
+    names = [name for name in (c.X, c.Y, c.LENGTH, c.WIDTH, c.V, c.U, c.A, c.E) if name in rows.tracks.columns]
+    finite = rows.tracks.select(pl.all_horizontal(pl.col(name).is_finite().fill_null(False) for name in names))
+    found = ~finite.to_series().to_numpy()
+    words = {"what": f"not all of {', '.join(names)} are finite numbers", "expected": "finite numbers"}
+    return rows.breach(
+        "no_numbers",
+        found,
+        np.full(len(found), np.nan),
+        len(found),
+        0.0,
+        **words,
+        cause="a damaged file, or a division by 0",
+    )
+
+
+def _time_step(rows: _Rows) -> Breach | None:
+    step = rows.recording.time_step
+    if rows.recording.is_smoothed and abs(step - STEP) > SAME_STEP:
+        what, usual = "the time step of a smoothed recording is another", f"{STEP} s"
+    elif step < SHORTEST_STEP:
+        what, usual = "the time step is too short", f"{SHORTEST_STEP} s or more"
+    else:
+        return None
+    return Breach("time_step", what, "", None, None, step, usual, 1, 1, "a wrong unit of the times", True)
+
+
+def _holes(rows: _Rows) -> Breach | None:
+    """Returns holes in which nobody is seen for hours."""
+    frames = rows.tracks.select(c.RECORDING, c.FRAME).unique().sort(c.RECORDING, c.FRAME)
+    hole = frames.with_columns(hole=pl.col(c.FRAME).cast(pl.Int64).diff().over(c.RECORDING) * rows.recording.time_step)
+    worst = hole.filter(pl.col("hole") > LONGEST_HOLE).sort("hole", descending=True)
+    if worst.is_empty():
+        return None
+    window, frame, seconds = worst.row(0)
+    return Breach(
+        "long_holes", "nobody is seen for hours [s]", str(window), None, frame, seconds,
+        f"{LONGEST_HOLE:,.0f} s at most", worst.height, frames.height,
+        "two recordings in one window, or a wrong unit of the times", True,
+    )  # fmt: skip
+
+
+def _places(rows: _Rows) -> Breach | None:
+    site = rows.recording.site
+    beyond = BESIDE + site.length / 2
+    found = (rows.x < -beyond) | (rows.x > site.length + beyond)
+    words = {"what": "positions far beyond the section [m]", "expected": f"x from 0 to {site.length:g} m"}
+    cause = "the wrong site, a wrong unit, or an origin that is not the site's"
+    return rows.breach("far_places", found, rows.x, len(found), SOME, **words, cause=cause)
+
+
+def _lateral(rows: _Rows) -> Breach | None:
+    centres = [lane.centre for lane in rows.recording.site.lanes]
+    y = rows.tracks[c.Y].to_numpy().astype(float)
+    found = (y < min(centres) - ASIDE) | (y > max(centres) + ASIDE)
+    words = {"what": "positions far beside the lanes [m]", "expected": f"y from {min(centres):g} to {max(centres):g} m"}
+    return rows.breach(
+        "far_aside",
+        found,
+        y,
+        len(found),
+        SOME,
+        **words,
+        cause="swapped axes, a wrong unit, or the wrong reference line",
+    )
+
+
+def _speeds(rows: _Rows) -> Breach | None:
+    found = np.abs(rows.speed) > FASTEST
+    words = {"what": "speeds that no vehicle has [m/s]", "expected": f"{FASTEST:g} m/s at most"}
+    share = float(np.mean(found[np.isfinite(rows.speed)])) if np.isfinite(rows.speed).any() else 0.0
+    cause = (
+        "a wrong unit of positions or times" if share > 0.5 else "jumps: ids of two vehicles, or of two places, in one"
+    )
+    return rows.breach("impossible_speeds", found, rows.speed, len(found), SOME, **words, cause=cause)
+
+
+def _jumps(rows: _Rows) -> Breach | None:
+    """Returns rows that lie far from where the steps before and after say that the vehicle was going."""
+    before = np.r_[np.nan, rows.speed[:-1]]
+    before[1:][~rows.same[:-1]] = np.nan
+    after = np.where(np.r_[rows.same[1:], False], np.r_[rows.speed[1:], np.nan], np.nan)
+    off = (rows.speed - np.fmin(before, after)) * rows.elapsed
+    low = (rows.speed - np.fmax(before, after)) * rows.elapsed
+    reach = SLIP + IMPOSSIBLE_ACCELERATION * rows.elapsed**2 / 2
+    with np.errstate(invalid="ignore"):
+        found = ((off > reach) & (low > reach)) | ((off < -reach) & (low < -reach))
+    values = np.where(found, np.diff(rows.x, prepend=np.nan), np.nan)
+    words = {"what": "vehicles that jump [m]", "expected": f"steps of {SLIP:g} m and what grip allows at most"}
+    cause = "two vehicles with one id, files of two places read as one, or a simulator's teleport"
+    return rows.breach("jumps", found, values, len(found), RARE, **words, cause=cause)
+
+
+def _accelerations(rows: _Rows) -> Breach | None:
+    if not rows.recording.is_smoothed:
+        return None
+    a = rows.tracks[c.A].to_numpy()
+    with np.errstate(invalid="ignore"):
+        found = np.abs(a) > IMPOSSIBLE_ACCELERATION
+    words = {"what": "accelerations beyond grip [m/s²]", "expected": f"{IMPOSSIBLE_ACCELERATION:g} m/s² at most"}
+    return rows.breach(
+        "accelerations", found, a, len(found), SOME, **words, cause="jumps, or accelerations that were not smoothed"
+    )
+
+
+def _smoothed_speeds(rows: _Rows) -> Breach | None:
+    """Returns smoothed speeds that are not those of the smoothed positions."""
+    if not rows.recording.is_smoothed:
+        return None
+    v = rows.tracks[c.V].to_numpy()
+    mean = np.where(rows.same, (v + np.r_[np.nan, v[:-1]]) / 2, np.nan)
+    with np.errstate(invalid="ignore"):
+        off = mean - rows.speed
+        found = (np.abs(off) > SPEED_OFF) & (rows.elapsed <= STEP + SAME_STEP)
+    words = {
+        "what": "speeds that are not those of the positions [m/s]",
+        "expected": f"{SPEED_OFF:g} m/s of difference at most",
+    }
+    return rows.breach(
+        "speeds_off", found, off, len(found), SOME, **words, cause="another time step, or another unit in one column"
+    )
+
+
+def _recorded_speeds(rows: _Rows) -> Breach | None:
+    """Returns recorded speeds that are, on the whole, not those of the positions."""
+    if c.RECORDED_V not in rows.tracks.columns:
+        return None
+    recorded = np.abs(rows.tracks[c.RECORDED_V].fill_null(float("nan")).to_numpy().astype(float))
+    derived = np.abs(rows.speed)
+    with np.errstate(invalid="ignore"):
+        moving = (derived > MOVING) & np.isfinite(recorded)
+    if moving.sum() < FEW or not recorded[moving].any():
+        return None
+    ratio = recorded[moving] / derived[moving]
+    median = float(np.median(ratio))
+    if RATIO[0] <= median <= RATIO[1]:
+        return None
+    unit = next((name for name, factor in UNITS.items() if abs(median / factor - 1) < 0.05), "")
+    cause = f"recorded speeds in {unit}" if unit else "a wrong unit of positions or times, or the wrong direction"
+    return Breach(
+        "recorded_speeds", "recorded speeds are not those of the positions (ratio)", "", None, None, median,
+        f"{RATIO[0]} to {RATIO[1]}", int(moving.sum()), int(moving.sum()), cause, not unit,
+    )  # fmt: skip
+
+
+def _directions(rows: _Rows) -> Breach | None:
+    starts = np.flatnonzero(~rows.same)
+    ends = np.r_[starts[1:], len(rows.x)] - 1
+    came = rows.x[ends] - rows.x[starts]
+    found, values = np.zeros((2, len(rows.x)))
+    values[starts] = came
+    found[starts] = came < BACKWARDS
+    words = {"what": "vehicles that drive upstream [m]", "expected": "x to grow downstream"}
+    cause = "the opposite carriageway, a reference line turned round, or the wrong site"
+    return rows.breach("upstream", found.astype(bool), values, len(starts), MANY, **words, cause=cause)
+
+
+def _lengths(rows: _Rows) -> Breach | None:
+    length = rows.tracks[c.LENGTH].to_numpy().astype(float)
+    found = (length < LENGTHS[0]) | (length > LENGTHS[1])
+    words = {"what": "lengths that no vehicle has [m]", "expected": f"{LENGTHS[0]:g} to {LENGTHS[1]:g} m"}
+    single = rows.breach(
+        "impossible_lengths",
+        found,
+        length,
+        len(found),
+        MANY,
+        **words,
+        cause="another unit of lengths than of positions",
+    )
+    if single is not None and single.spoils:
+        return single
+    cars = rows.tracks.filter((pl.col(c.KIND) == "car") & (pl.col(c.LENGTH) > 0))[c.LENGTH]
+    median = float(np.median(cars.to_numpy())) if cars.len() >= FEW else CAR_LENGTHS[0]
+    if CAR_LENGTHS[0] <= median <= CAR_LENGTHS[1]:
+        return single
+    return Breach(
+        "car_lengths", "the median length of cars [m]", "", None, None, median,
+        f"{CAR_LENGTHS[0]:g} to {CAR_LENGTHS[1]:g} m", cars.len(), cars.len(), "lengths in feet", True,
+    )  # fmt: skip
+
+
+def _lanes(rows: _Rows) -> Breach | None:
+    """Returns a site's lanes that lie too close to each other, or too far apart."""
+    centres = np.unique([lane.centre for lane in rows.recording.site.lanes if lane.role == "main"])
+    steps = np.diff(centres)
+    wrong = steps[(steps < LANE_SPACING[0]) | (steps > LANE_SPACING[1])]
+    if len(wrong) <= len(steps) / 2:
+        return None
+    return Breach(
+        "lane_spacing", "the distance from lane to lane [m]", "", None, None, float(np.median(wrong)),
+        f"{LANE_SPACING[0]:g} to {LANE_SPACING[1]:g} m", len(wrong), len(steps),
+        "a site or lateral positions in feet or centimetres", True,
+    )  # fmt: skip
+
+
+def _one_place(rows: _Rows) -> Breach | None:
+    """Returns vehicles that are where another one is, in the same lane at the same moment."""
+    places = rows.tracks.select(c.RECORDING, c.FRAME, c.LANE, c.X, c.Y, row=pl.int_range(pl.len()))
+    places = places.sort(c.RECORDING, c.FRAME, c.LANE, c.X)
+    alike = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in (c.RECORDING, c.FRAME, c.LANE))
+    near = (pl.col(name).diff().abs() < SAME_PLACE for name in (c.X, c.Y))
+    found = places.filter(pl.all_horizontal(alike, *near))["row"].to_numpy()
+    is_found = np.zeros(len(rows.x), bool)
+    is_found[found] = True
+    words = {"what": "vehicles in the place of another [m]", "expected": f"{SAME_PLACE} m between them at least"}
+    cause = "a column of positions that is constant, files of two places or the same vehicles twice"
+    return rows.breach("one_place", is_found, rows.x, len(rows.x), MANY, **words, cause=cause)
+
+
+CHECKS: tuple[Check, ...] = (
+    _no_numbers, _time_step, _holes, _places, _lateral, _speeds, _jumps, _accelerations, _smoothed_speeds,
+    _recorded_speeds, _directions, _lengths, _lanes, _one_place,
+)  # fmt: skip
