@@ -3,11 +3,16 @@
 import asyncio
 import contextlib
 import json
+import re
 import shutil
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Iterator
+import urllib.request
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -241,10 +246,13 @@ def text(page: Any, selector: str) -> str:
     return page.locator(selector).inner_text()
 
 
-def until(page: Any, condition: str) -> None:
+def until(
+    page: Any, condition: str, meanwhile: Callable[[], None] = lambda: None, *, patience: float = 1e-3 * PATIENCE
+) -> None:
     """Waits for a condition; playwright's own way is refused by the content security policy, as it should be."""
-    deadline = time.monotonic() + 1e-3 * PATIENCE
+    deadline = time.monotonic() + patience
     while not page.evaluate(condition):
+        meanwhile()
         assert time.monotonic() < deadline, f"never came: {condition}"
         page.wait_for_timeout(20)
 
@@ -278,8 +286,8 @@ def test_every_panel_shows_what_the_service_says(service, page):
     assert alarms[0][1] == "<img src=x>: merge in 15 s unlikely, 10 %"
     assert alarms[1][1] == "12: conflict within 5 s, 83 %"
     assert alarms[2][:2] == ["✓", "22: conflict within 5 s, 60 %"]
-    shown = [text(page, f"#{name}") for name in ("count", "clock", "model", "lost", "tick", "age", "state")]
-    assert shown == ["6", "0:01.1", "rampcast, 100 futures", "3", "77 ms", "42 ms", "live"]
+    shown = [text(page, f"#{name}") for name in ("count", "clock", "model", "lost", "tick", "age")]
+    assert shown == ["6", "0:01.1", "rampcast, 100 futures", "3", "77 ms", "42 ms"]
     assert page.locator("#control").is_hidden()
     assert page.locator("#replay").is_hidden()
 
@@ -373,18 +381,21 @@ def test_a_replay_shows_what_came_true_and_where_it_is(service, page):
 
 def test_banners_say_that_it_is_degraded_stale_or_cut_off(service, page):
     service.say(status(), state(0.0), forecast(0.0, degraded="50 samples"))
-    until(page, "document.getElementById('banner').textContent.startsWith('Degraded: 50 samples')")
-    assert text(page, "#state") == "degraded"
+    until(
+        page,
+        "document.getElementById('banner').textContent.startsWith('Degraded: 50 samples')",
+        lambda: service.say(forecast(0.0, degraded="50 samples")),
+    )
     page.wait_for_timeout(1_000)
-    until(page, "document.getElementById('banner').textContent.startsWith('No new forecasts for 1.')")
+    until(page, "document.getElementById('banner').textContent.startsWith('No new forecasts for ')")
     assert "is-stale" in page.locator("body").get_attribute("class")
-    service.say(state(0.1), forecast(0.1))
-    until(page, "document.getElementById('banner').hidden")
+    until(page, "document.getElementById('banner').hidden", lambda: service.say(state(0.1), forecast(0.1)))
     service.say("close")
     until(page, "document.getElementById('state').textContent === 'lost'")
     assert "broken" in text(page, "#banner")
-    service.say(status(), state(0.2), forecast(0.2))  # to the line that was taken up again
-    until(page, "document.getElementById('state').textContent === 'live'")
+    until(
+        page, "document.getElementById('state').textContent === 'live'", lambda: service.say(state(0.2), forecast(0.2))
+    )
 
 
 def test_metering_and_advice_have_a_place_when_a_message_has_them(service, page):
@@ -429,3 +440,43 @@ def test_nothing_is_cut_off_or_overlaps_on_a_desk_and_on_a_phone(service, page):
         and b["y"] < a["y"] + a["height"]
         for a, b in pairs
     )
+
+
+RUN = "import sys; from rampcast.cli import main; sys.argv[0] = 'rampcast'; main()"
+
+
+@pytest.fixture
+def viewed() -> Iterator[str]:
+    """Gives the address of a real replay of the shipped recording."""
+    command = [sys.executable, "-c", RUN, "view", "--no-browser", "--from", "126"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        found = re.search(r"http://\S+\d", process.stdout.readline())
+        assert found is not None
+        yield found[0]
+        process.send_signal(signal.SIGINT)
+        process.wait(20)
+
+
+def test_rampcast_view_plays_a_recording_and_the_page_shows_what_its_service_says(viewed, browser):
+    page = browser.new_context(viewport=DESK).new_page()
+    page.goto(viewed)
+    wanted = "window.rampcast?.store.truth && window.rampcast.store.forecast?.vehicles.size > 20"
+    until(page, f"Boolean({wanted})", patience=120.0)
+    page.keyboard.press(" ")
+    until(page, "window.rampcast.isPaused() && window.rampcast.store.forecast?.t === window.rampcast.store.frame.t")
+    before = page.evaluate("window.rampcast.store.frame.ms")
+    page.keyboard.press("ArrowRight")
+    until(page, f"window.rampcast.store.frame.ms > {before}")
+    until(page, "window.rampcast.store.forecast?.t === window.rampcast.store.frame.t && !window.rampcast.fresh")
+    with urllib.request.urlopen(f"{viewed}/v1/sites/simulated/latest", timeout=20) as answer:
+        latest = json.load(answer)
+    on_ramp = {str(one["id"]) for one in latest["vehicles"] if one["on_ramp"]}
+    assert {row.get_attribute("data-vehicle") for row in page.locator("#ramp li").all()} == on_ramp
+    assert page.evaluate("window.rampcast.store.frame.ms") == latest["t_obs_ms"]
+    assert page.evaluate("window.rampcast.store.truth.merges.length") > 50
+    assert page.evaluate("window.rampcast.replay.conflicts.length") > 5
+    assert (
+        page.evaluate("window.rampcast.store.tracks.size") > 50
+    )  # the past of the recording, from before it was opened
+    assert text(page, "#state") == "paused"
+    page.context.close()

@@ -22,7 +22,7 @@ export function moment(ms) {
 // When a probability, told at whole seconds, reaches a level; null where it does not within the forecast.
 export function reaches(p, level) {
   for (let t = 1; t < p.length; t += 1) {
-    if (p[t] >= level) return t - 1 + (level - p[t - 1]) / Math.max(p[t] - p[t - 1], 1e-9);
+    if (p[t] >= level) return Math.max(0, t - 1 + (level - p[t - 1]) / Math.max(p[t] - p[t - 1], 1e-9));
   }
   return null;
 }

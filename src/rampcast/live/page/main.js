@@ -211,6 +211,9 @@ function keys(page) {
     action(event);
     page.fresh = true;
   });
+  const legend = document.querySelector(".road .legend").cloneNode(true);
+  legend.classList.add("help-legend");
+  byId("help-legend").append(legend);
   byId("theme").onclick = otherTheme;
   byId("help-open").onclick = () => byId("help").showModal();
   byId("unfollow").onclick = () => page.follow(null);

@@ -64,7 +64,7 @@ export class Road {
     this.setLateral(height);
     this.drawGround(context, width, height);
     const drawn = this.forecasted(shown);
-    for (const one of drawn) this.drawGap(context, one);
+    if (drawn.length <= FIRST) for (const one of drawn) this.drawGap(context, one);
     for (const one of drawn) this.drawForecast(context, one, drawn.length === 1);
     this.drawVehicles(context, shown, width);
     for (const draw of this.labels) draw();
@@ -184,7 +184,7 @@ export class Road {
     context.lineWidth = 1;
     for (let x = Math.ceil(this.left / step) * step; x <= geometry.length && this.X(x) <= width; x += step) {
       segment(context, this.X(x), height - BELOW + 1, this.X(x), height - BELOW + 5);
-      if (marks.some(([mark]) => Math.abs(this.X(mark) - this.X(x)) < 62)) continue;
+      if (marks.some(([mark]) => Math.abs(this.X(mark) - this.X(x)) < 76)) continue;
       const edge = this.X(x) < 12 ? "left" : this.X(x) > width - 18 ? "right" : "center";
       text(context, `${x} m`, clamp(this.X(x), 3, width - 3), base, { align: edge });
     }

@@ -70,6 +70,7 @@ class Film:
             "target lane": {"marker": "s", "color": look.TARGET},
             "median at +5 s, +10 s": {"marker": "s", "markerfacecolor": "none", "color": look.RAMP},
             "50 % and 90 % band": {"linestyle": "-", "color": look.RAMP, "linewidth": 2.2},
+            "likeliest gap, hatched": {"marker": "$////$", "color": look.RAMP},
             "what came true": {"marker": "D", "markerfacecolor": "none", "color": look.TRUTH},
         }
         plain: dict[str, Any] = {"linestyle": "none", "markersize": 6}

@@ -21,4 +21,5 @@ RC: Final[dict[Any, Any]] = {
     "figure.facecolor": GROUND,
     "savefig.facecolor": GROUND,
     "lines.solid_capstyle": "butt",
+    "hatch.linewidth": 0.9,
 }

@@ -3,10 +3,12 @@
 from typing import Any
 
 import numpy as np
+import polars as pl
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.patches import Rectangle
 
 from rampcast.forecast import Forecast
 from rampcast.horizon import STEPS_PER_SECOND
@@ -100,6 +102,7 @@ class RoadPanel:
         if shown:
             quantiles = forecast.quantiles(LEVELS)
             for row in shown:
+                drawn += self._gap(traffic, forecast, row)
                 for ahead in reversed(GHOSTS):
                     step = ahead * STEPS_PER_SECOND - 1
                     drawn += self._ghosts(forecast, row, step, quantiles[row, step], named=row == chosen)
@@ -155,6 +158,24 @@ class RoadPanel:
                 words = f"+{(step + 1) // STEPS_PER_SECOND} s"
                 drawn.append(self.ax.text(*place, words, ha="center", va="bottom", fontsize=8, zorder=5))
         return drawn
+
+    def _gap(self, traffic: Traffic, forecast: Forecast, row: int) -> list[Artist]:
+        """Shades, in the target lane, what lies now between those between whom it most likely merges."""
+        gaps = forecast.gap.filter(pl.col("vehicle") == forecast.vehicle[row])
+        if not len(gaps):
+            return []
+        site, there = self.story.site, {one: place for place, one in enumerate(traffic.vehicle.tolist())}
+        ahead, behind = (there.get(gaps[side][0]) for side in ("ahead", "behind"))
+        low = 0.0 if behind is None else float(traffic.x[behind, -1])
+        high = site.length if ahead is None else float(traffic.x[ahead, -1] - traffic.length[ahead])
+        if not high > low:
+            return []
+        y = site.lane_centre(site.target_lane) - 0.45 * LANE_WIDTH
+        strength = 0.2 + 0.6 * float(gaps["p"][0])
+        kind: dict[str, Any] = {"facecolor": "none", "edgecolor": look.RAMP, "hatch": "////", "linewidth": 0.0}
+        return [
+            self.ax.add_patch(Rectangle((low, y), high - low, 0.9 * LANE_WIDTH, **kind, alpha=strength, zorder=1.5))
+        ]
 
     def _branches(self, forecast: Forecast, row: int, step: int, x: float) -> list[tuple[float, float]]:
         """Returns the lateral places that it may be at, each with its share of the futures."""
