@@ -380,6 +380,8 @@ def test_a_replay_shows_what_came_true_and_where_it_is(service, page):
 
 
 def test_banners_say_that_it_is_degraded_stale_or_cut_off(service, page):
+    service.say(status(ready=False))
+    until(page, "document.getElementById('banner').textContent.startsWith('The forecaster warms up')")
     service.say(status(), state(0.0), forecast(0.0, degraded="50 samples"))
     until(
         page,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rampcast.forecast.forecaster import Forecaster
     from rampcast.recording import Recording
 
-SHIPPED, SHIPPED_BEGIN = 1, 240.0  # the window that no shipped model was trained on, and when there is a queue [s]
+SHIPPED, SHIPPED_BEGIN = 1, 126.0  # the window that no shipped model was trained on, and when there is a queue [s]
 
 Shown = Annotated[
     list[Path] | None, typer.Argument(help="Files of a recording. Default: a simulated one that ships with rampcast.")

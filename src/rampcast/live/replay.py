@@ -23,6 +23,7 @@ from rampcast.traffic.moments import SPAN
 
 SLOWEST, QUICKEST = 0.05, 100.0  # times as quick as it was recorded
 CATCH_UP: Final = 1.0  # [s] behind its own clock after which a replay goes on from where it is
+LOOK: Final = 0.1  # [s] between two looks at whether forecasts can be had
 MOST_ROWS: Final = 200_000  # of one answer
 
 
@@ -37,6 +38,7 @@ class Replay:
         speed: times as quick as it was recorded.
         playing: whether it goes on by itself.
         repeats: whether it begins anew at its end.
+        waits: whether it begins when forecasts can be had, not before.
         at: number of the next frame to play.
     """
 
@@ -46,6 +48,7 @@ class Replay:
     speed: float = 1.0
     playing: bool = True
     repeats: bool = False
+    waits: bool = False
     at: int = 0
     _frames: "Frames" = field(init=False, repr=False)
     _times: list[float] = field(default_factory=list, repr=False)
@@ -65,6 +68,8 @@ class Replay:
         """Plays until its end, or for ever if it repeats; waits where it is stopped, or at its end."""
         self._service = service
         service.stations[self.station].told_by_source = lambda: {"replay": self.state}
+        while self.waits and not service.is_ready:
+            await asyncio.sleep(LOOK)
         begun, first = time.monotonic(), self.at
         while True:
             if not self.playing or self.at >= len(self._frames):

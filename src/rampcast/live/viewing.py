@@ -45,7 +45,7 @@ def view(
         MissingExtra: the extra [live] is not installed.
     """
     site = recording.site
-    replay = Replay(recording, site.name, window=window or "", speed=speed)
+    replay = Replay(recording, site.name, window=window or "", speed=speed, waits=True)
     replay.seek(replay.state["first_ms"] + 1e3 * max(begin, SPAN))
     choices = Choices(model, recalibrates=False)
     serve(

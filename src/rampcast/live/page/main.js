@@ -137,6 +137,7 @@ class Page {
   state(now) {
     const { forecast, status, heard } = this.store;
     if (this.line === "lost") return ["lost", "stale", "The line to the service is broken; trying again"];
+    if (heard === null && status?.ready === false) return ["warming up", "note", "The forecaster warms up. The very first time it is compiled, which takes a minute"];
     if (heard === null && !status) return ["waiting", null, ""];
     if (this.isPaused()) return ["paused", null, ""];
     if (this.store.isLate(now)) {
