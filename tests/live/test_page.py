@@ -57,8 +57,10 @@ class Service:
         self.alarms: list[dict[str, Any]] = []
         self.asked: list[dict[str, Any]] = []
         self.replay: dict[str, Any] | None = None
+        self.token: str | None = None
+        self.first: list[str] = []
         routes = [
-            Route("/v1/sites", lambda _: JSONResponse({"sites": [{"id": SITE}]})),
+            Route("/v1/sites", self._sites),
             Route(f"/v1/sites/{SITE}", lambda _: JSONResponse(site_geojson(SITE, load_site(SITE), None))),
             Route(f"/v1/sites/{SITE}/alarms", lambda _: JSONResponse({"alarms": self.alarms})),
             Route("/v1/replay", self._replay, methods=["GET", "POST"]),
@@ -77,6 +79,11 @@ class Service:
         self.loop = asyncio.get_running_loop()
         await self.server.serve(sockets=[listening])
 
+    async def _sites(self, request: Any) -> JSONResponse:
+        if self.token is None or request.headers.get("authorization") == f"Bearer {self.token}":
+            return JSONResponse({"sites": [{"id": SITE}]})
+        return JSONResponse({"error": "give the token"}, status_code=401)
+
     async def _replay(self, request: Any) -> JSONResponse:
         assert self.replay is not None
         if request.method == "POST":
@@ -88,6 +95,8 @@ class Service:
 
     async def _live(self, watcher: Any) -> None:
         await watcher.accept()
+        if self.token is not None:
+            self.first.append(await watcher.receive_text())
         queue: asyncio.Queue[str] = asyncio.Queue()
         self.watchers.add(queue)
         while (message := await queue.get()) != "close":
@@ -109,7 +118,7 @@ class Service:
         gone, self.watchers = self.watchers, set()
         for queue in gone:
             self.loop.call_soon_threadsafe(queue.put_nowait, "close")
-        self.alarms, self.asked, self.replay = [], [], None
+        self.alarms, self.asked, self.replay, self.token = [], [], None, None
 
 
 def with_headers(app: Any) -> Any:
@@ -398,6 +407,26 @@ def test_banners_say_that_it_is_degraded_stale_or_cut_off(service, page):
     until(
         page, "document.getElementById('state').textContent === 'live'", lambda: service.say(state(0.2), forecast(0.2))
     )
+
+
+def test_a_service_with_a_token_is_asked_with_it_and_never_in_an_address(service, browser):
+    service.token = "a-token-of-letters"
+    page = browser.new_context(viewport=DESK).new_page()
+    addresses: list[str] = []
+    page.on("request", lambda one: addresses.append(one.url))
+    page.goto(service.address)
+    for number, given in enumerate(("wrong", service.token)):
+        page.locator("#token-value").fill(given)
+        assert page.locator("#token-wrong").is_visible() is (number > 0)
+        page.locator("#token-form button").click()
+        page.wait_for_timeout(100)
+    until(page, "Boolean(window.rampcast)", lambda: None)
+    service.say(state(0.0), forecast(0.0))
+    until(page, "window.rampcast.road.places.length === 6")
+    assert service.first == ['{"token":"a-token-of-letters"}']
+    assert not any("token-of" in address for address in addresses)
+    page.context.close()
+    service.forget()
 
 
 def test_metering_and_advice_have_a_place_when_a_message_has_them(service, page):

@@ -18,7 +18,7 @@ const ALARMS_EVERY = 1000; // [ms]
 const TRUTH_EVERY = 500; // [ms] between two places of what came true
 
 class Page {
-  constructor(name, site) {
+  constructor(name, site, token) {
     this.name = name;
     this.geometry = new Geometry(site);
     this.store = new Store(this.geometry);
@@ -37,7 +37,7 @@ class Page {
     this.fresh = true;
     this.stream = new Stream(name, {
       onMessage: (message) => this.take(message), onState: (state) => { this.line = state; }, askToken,
-    });
+    }, token);
     this.askAlarms();
     requestAnimationFrame((now) => this.draw(now));
   }
@@ -161,8 +161,9 @@ class Page {
   }
 }
 
-function askToken() {
+function askToken(wasWrong = true) {
   const dialog = byId("token");
+  byId("token-wrong").hidden = !wasWrong;
   dialog.showModal();
   byId("token-value").focus();
   return new Promise((done) => {
@@ -237,7 +238,7 @@ async function main() {
     try {
       sites = await fetched("/v1/sites", token);
     } catch (error) {
-      if (error.status === 401) token = await askToken();
+      if (error.status === 401) token = await askToken(token !== null);
       else await new Promise((done) => { setTimeout(done, 1000); });
     }
   }
@@ -245,8 +246,7 @@ async function main() {
   const chosen = names.includes(asked) ? asked : names[0];
   offerSites(names, chosen);
   const about = await fetched(`/v1/sites/${encodeURIComponent(chosen)}`, token);
-  const page = new Page(chosen, about.rampcast);
-  page.stream.token = token;
+  const page = new Page(chosen, about.rampcast, token);
   keys(page);
   window.rampcast = page; // for tests, and for who looks in the console
 }

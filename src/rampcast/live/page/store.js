@@ -4,7 +4,7 @@ import { clamp } from "./format.js";
 
 const SPAN = 122; // [s] of the past that is kept
 const APART = 0.4; // [s] between two kept places of a vehicle
-const JUMP = 3; // [s] by which the clock may go on at once
+const JUMP = 30; // [s] by which the clock may go on at once: a replay at 10 times that stood still for 3 s is no jump
 const OLD = 3; // [s] after which a forecast is no longer drawn
 const GONE = 2; // [s] after which a followed vehicle that was not seen again is let go
 const BEATS = 10; // forecasts by which it is told how often they come

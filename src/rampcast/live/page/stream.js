@@ -4,8 +4,8 @@ const [SHORTEST, LONGEST] = [300, 5000]; // [ms] until the next try
 const NO_TOKEN = 1008; // the code with which a service closes that wants a token, or another one
 
 export class Stream {
-  constructor(site, { onMessage, onState, askToken }) {
-    Object.assign(this, { site, onMessage, onState, askToken, pause: SHORTEST, token: null, asked: false });
+  constructor(site, { onMessage, onState, askToken }, token = null) {
+    Object.assign(this, { site, onMessage, onState, askToken, pause: SHORTEST, token, asked: false });
     this.open();
   }
 
