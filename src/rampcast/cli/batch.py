@@ -1,0 +1,54 @@
+"""The command that does much with many recordings."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rampcast.cli import show as terminal
+from rampcast.cli.app import app
+from rampcast.cli.options import Every, FormatName, MappingFile, SiteName, SkipBadRows, writable_folder
+from rampcast.errors import RampcastError
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast batch 'data/*.csv' --do doctor,forecast,evaluate --out out/batch\n\n"
+    "rampcast batch plan.toml   (call it again after an interruption)\n\n"
+    "rampcast batch plan.toml --scheduler tcp://10.0.0.1:8786"
+)
+def batch(
+    files: Annotated[list[str], typer.Argument(help="A plan.toml, or recordings; patterns as 'data/*.csv' too.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", callback=writable_folder, help="Folder of all results; in a plan, its own."),
+    ] = None,
+    do: Annotated[str | None, typer.Option("--do", help="Of doctor,convert,forecast,evaluate. Default: all.")] = None,
+    model: Annotated[str, typer.Option("--model", help="Folder of a model.")] = "pretrained",
+    every: Every = 1.0,
+    site: SiteName = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
+    processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
+    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Address of a Dask scheduler.")] = None,
+) -> None:
+    """Checks, converts, forecasts and scores many recordings, one task each; goes on where it was interrupted."""
+    from rampcast.batch import batch as run
+    from rampcast.batch import plan_of_files, read_plan
+
+    if len(files) == 1 and files[0].endswith(".toml"):
+        plan = read_plan(files[0])
+    elif out is None:
+        raise RampcastError("--out is missing: the folder of all results")
+    else:
+        steps = {} if do is None else {"do": [one.strip() for one in do.split(",")]}
+        more = {"site": site, "format": format, "mapping": None if mapping is None else str(mapping), **steps}
+        plan = plan_of_files(files, out, model=model, every=every, skip_bad_rows=skip_bad_rows, **more)
+    with terminal.progress() as tell:
+        found = run(plan, processes=processes, scheduler=scheduler, progress=tell)
+    for name, reason in found.failed.select("file", "error").iter_rows():
+        terminal.warn(f"{name}: {reason}")
+    for path in found.files:
+        terminal.say(f"wrote {path}")
+    if found.failed.height:
+        raise typer.Exit(1)
