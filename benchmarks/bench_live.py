@@ -13,7 +13,7 @@ import time
 from live_load import PLAIN, SERVE, Seen, Service, measured
 from measure import how_many, print_ratio
 
-SECONDS = how_many(30, tiny=2)
+SECONDS = how_many(20, tiny=2)
 WARM = float(how_many(5, tiny=1))
 MANY = how_many(20, tiny=3)
 PART = 60.0  # [s] of a soak between two looks
