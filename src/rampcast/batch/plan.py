@@ -25,6 +25,7 @@ class Plan:
         model: folder of a model, or "pretrained".
         every: time between two forecasts [s].
         skip_bad_rows: whether rows that cannot be read are left out, and counted; else their file fails.
+        accept_doubtful: whether to go on with what no road or vehicle has; else its file fails.
     """
 
     files: tuple[Path, ...]
@@ -36,6 +37,7 @@ class Plan:
     model: str = "pretrained"
     every: float = 1.0
     skip_bad_rows: bool = False
+    accept_doubtful: bool = False
 
 
 def plan_of_files(files: Sequence[Path | str], out: Path | str, **more: Any) -> Plan:
@@ -92,12 +94,13 @@ def _check(path: Path, values: dict[str, Any]) -> None:
         "model": str,
         "every": (int, float),
         "skip_bad_rows": bool,
+        "accept_doubtful": bool,
     }
     assert known.keys() == {one.name for one in fields(Plan)}
     for name, value in values.items():
         if name not in known:
             raise RampcastError(f"{path}: '{name}' is none of {', '.join(known)}")
-        if not isinstance(value, known[name]) or (name != "skip_bad_rows" and isinstance(value, bool)):
+        if not isinstance(value, known[name]) or (known[name] is not bool and isinstance(value, bool)):
             raise RampcastError(f"{path}: {name} = {value!r} is of another kind than expected; see docs/batch.md")
     if missing := [name for name in ("files", "out") if name not in values]:
         raise RampcastError(f"{path}: {missing[0]} is missing; see docs/batch.md for a plan")

@@ -4,7 +4,7 @@ import hashlib
 import json
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +20,7 @@ from rampcast.forecast.parts import write_forecasts
 from rampcast.forecast.storage import load
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.invariants import check_believable
 from rampcast.recording.recording import write_recording
 from rampcast.threads import choosing_threads
 
@@ -99,7 +100,8 @@ def _roads(task: Task) -> list[dict[str, Any]]:
         roads: list[RoadDiagnosis | None] = list(diagnosis.roads)
     else:
         roads = [None] * len(recordings)
-    return [_road(task, one, about) for one, about in zip(recordings, roads, strict=True)]
+    accepted = [replace(one, is_accepted=plan.accept_doubtful) for one in recordings]
+    return [_road(task, one, about) for one, about in zip(accepted, roads, strict=True)]
 
 
 def _road(task: Task, recording: Recording, about: "RoadDiagnosis | None") -> dict[str, Any]:
@@ -116,6 +118,7 @@ def _road(task: Task, recording: Recording, about: "RoadDiagnosis | None") -> di
     }
     files: list[Path] = []
     if "convert" in plan.do:
+        check_believable(recording, doing=f"conversion of {task.file}")
         files.append(Path("recordings") / place / "recording.parquet")
         (plan.out / files[-1]).parent.mkdir(parents=True, exist_ok=True)
         write_recording(recording, plan.out / files[-1])

@@ -7,7 +7,7 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import Every, FormatName, MappingFile, SiteName, SkipBadRows, writable_folder
+from rampcast.cli.options import AcceptDoubtful, Every, FormatName, MappingFile, SiteName, SkipBadRows, writable_folder
 from rampcast.errors import RampcastError
 
 
@@ -29,6 +29,7 @@ def batch(
     format: FormatName = None,
     mapping: MappingFile = None,
     skip_bad_rows: SkipBadRows = False,
+    accept_doubtful: AcceptDoubtful = False,
     processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
     scheduler: Annotated[str | None, typer.Option("--scheduler", help="Address of a Dask scheduler.")] = None,
 ) -> None:
@@ -43,7 +44,8 @@ def batch(
     else:
         steps = {} if do is None else {"do": [one.strip() for one in do.split(",")]}
         more = {"site": site, "format": format, "mapping": None if mapping is None else str(mapping), **steps}
-        plan = plan_of_files(files, out, model=model, every=every, skip_bad_rows=skip_bad_rows, **more)
+        more |= {"skip_bad_rows": skip_bad_rows, "accept_doubtful": accept_doubtful}
+        plan = plan_of_files(files, out, model=model, every=every, **more)
     with terminal.progress() as tell:
         found = run(plan, processes=processes, scheduler=scheduler, progress=tell)
     for name, reason in found.failed.select("file", "error").iter_rows():
