@@ -368,7 +368,7 @@ def test_malformed_rows_are_quoted_with_file_and_line():
 
 def test_every_check_has_a_test_with_its_fault():
     elsewhere = {"units", "no_history", "virtual_neighbours", "unseen_merges", "short_stays", "cannot_smooth"}
-    elsewhere |= {"invariants"}  # tests/recording/test_invariants.py
+    elsewhere |= {"invariants", "feet"}  # tests/recording/test_invariants.py, tests/formats/test_public_kinds.py
     assert {check.name for check in CHECKS} == set(FAULTS) | set(COUNTS) | elsewhere
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rampcast.errors import FormatError
+from rampcast.doctor.diagnosis import examine
+from rampcast.errors import FormatError, RecordingError
 from rampcast.formats import read_all, read_any
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import Recording, clean
@@ -209,3 +210,44 @@ def test_a_teleport_in_a_file_is_cut_and_counted(tmp_path):
     recording, report = read_any([written(tmp_path, "a.csv", "vehicle,time,x,y,lane\n" + "\n".join(rows) + "\n")])
     assert report.tracks_cut == 1
     assert recording.tracks[c.VEHICLE].n_unique() == 2
+
+
+@pytest.mark.parametrize(("unit", "step"), [("hours", 1 / 3600), ("days", 1 / 86400)])
+def test_times_in_hours_or_days_are_refused_in_words_and_fill_no_memory(unit, step):
+    recording = recording_of(1.5 * np.arange(60), range(60), time_step=0.1 * step)
+    with pytest.raises(RecordingError, match="are the times in hours, days or milliseconds"):
+        clean(recording)
+
+
+def test_a_constant_beyond_what_roads_have_is_refused(tmp_path):
+    mapping = 'time_step = 0.1\n[columns]\nvehicle = "id"\nframe = "frame"\nx = "x"\ny = 1e9\nlane = 1\n'
+    text = "id,frame,x\n1,0,10\n1,1,12\n"
+    with pytest.raises(FormatError, match="y is 1e\\+09 in every row"):
+        read_any([written(tmp_path, "a.csv", text)], mapping=written(tmp_path, "m.toml", mapping))
+
+
+def test_interactions_tracks_without_agent_type_are_cars(tmp_path):
+    rows = [f"1,{k},{100 * k},{100 + 2 * k},50,20,0,0,4.5,1.8" for k in range(1, 30)]
+    text = "track_id,frame_id,timestamp_ms,x,y,vx,vy,psi_rad,length,width\n" + "\n".join(rows) + "\n"
+    recording, _ = read_any([written(tmp_path, "vehicle_tracks_000.csv", text)])
+    assert set(recording.tracks[c.KIND]) == {"car"}
+
+
+def test_a_protobuf_of_commonroad_is_refused_with_a_word(tmp_path):
+    (tmp_path / "a.pb").write_bytes(b"\n\x1f\n\x052020a\x12\x10USA_US101-1_1_T-1\x1a\x01\x00\x02")
+    with pytest.raises(FormatError, match="a CommonRoad scenario as protobuf"):
+        read_all([tmp_path / "a.pb"])
+
+
+@pytest.mark.parametrize(("foot", "found"), [(0.3084, True), (FOOT, False), (0.305, True)])
+def test_the_doctor_finds_feet_turned_into_metres_with_a_wrong_factor(foot, found):
+    feet = np.round(40.0 + 4.321 * np.arange(200) + 0.3 * np.sin(np.arange(200)), 3)
+    diagnosis = examine(recording_of(feet * foot, range(200)))
+    finding = diagnosis.finding("feet")
+    assert (finding is not None) is found
+    if finding is not None:
+        assert finding.places["value"].to_list() == [foot]
+
+
+def test_metres_with_two_decimals_are_no_feet():
+    assert examine(recording_of(np.round(1.37 * np.arange(1, 300), 2), range(299))).finding("feet") is None

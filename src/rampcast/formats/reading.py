@@ -23,6 +23,8 @@ from rampcast.sites import Site, site_of
 
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 
+COMMONROAD = re.compile(rb"[A-Z]{3}_[A-Za-z0-9]+-\d+_\d+_[A-Z]-\d")  # the name of a scenario
+
 
 def read(
     source: Source,
@@ -215,6 +217,11 @@ def _told_by_content(head: Head) -> Format:
         reasons.append((entry, reason))
     if head.is_text and not head.text.strip():
         raise FormatError(f"{head.name}: the file is empty; get it again")
+    if COMMONROAD.search(head.text) and CONTROL.search(head.text):
+        raise FormatError(
+            f"{head.name}: a CommonRoad scenario as protobuf, which is not read. Write it as xml, with commonroad-io: "
+            "CommonRoadFileReader(...).open(), then CommonRoadFileWriter(..., file_format=FileFormat.XML)"
+        )
     if CONTROL.search(head.text):
         raise FormatError(
             f"{head.name}: in none of the formats that rampcast knows: it is no parquet file, and holds bytes that no "

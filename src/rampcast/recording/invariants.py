@@ -18,13 +18,12 @@ from rampcast.recording import columns as c
 from rampcast.recording.breach import Breach, refuse
 from rampcast.recording.cutting import FASTEST
 from rampcast.recording.recording import KEY, READ_FIRST, Recording
-from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP
+from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, SHORTEST_STEP
 
 BESIDE = 500.0  # [m] and half the section before and behind it: the originals of NGSIM go 9 % beyond
 ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
 LENGTHS = (1.0, 30.0)  # [m] a moped is 1.7 m long, the longest road trains in Europe 25.25 m
 CAR_LENGTHS = (3.0, 7.0)  # [m] of the median car; the doctor is stricter
-SHORTEST_STEP = 0.005  # [s] 200 Hz: no sensor on a road is as fast
 LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two recordings
 LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
 BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began drives upstream

@@ -23,6 +23,7 @@ HALF_WINDOW = 1.0  # [s] 21 samples at 10 Hz; the paper gives none, fixed on the
 WINDOW = 21  # samples at 10 Hz
 ORDER = 3  # likewise
 LONGEST_FILLED_GAP = 5.0  # [s] a longer hole is more likely a reused id than a lost vehicle: it is left open
+SHORTEST_STEP = 0.005  # [s] 200 Hz: no sensor on a road is as fast, and a second of it is a window
 SHORTEST_TRACK = 5  # frames; the fewest that a cubic can smooth
 IMPOSSIBLE_ACCELERATION = 8.0  # [m/s^2] about the grip of a dry road (mu = 0.8); no road vehicle exceeds it
 
@@ -151,7 +152,12 @@ def _check(recording: Recording) -> None:
         raise RecordingError("this recording is smoothed already; clean the raw one")
     if recording.tracks.is_empty():
         raise RecordingError("this recording has no rows, so there is nothing to smooth")
-    if not 0 < recording.time_step <= STEP + SAME_STEP:
+    if recording.time_step < SHORTEST_STEP:
+        raise RecordingError(
+            f"expected a time step of {SHORTEST_STEP} s or more, got {recording.time_step:g} s: are the times in "
+            "hours, days or milliseconds? A mapping states their unit (--mapping, docs/formats/plain.md)"
+        )
+    if recording.time_step > STEP + SAME_STEP:
         raise RecordingError(
             f"expected a time step of up to {STEP} s, got {recording.time_step:g} s: too much happens between two such "
             "frames. Export the recording at 10 Hz or more (SUMO: --step-length 0.1)"

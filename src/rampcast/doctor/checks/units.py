@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
+from jaxtyping import Float
 
 from rampcast.doctor.checks.recorded import FEWEST, compared_speeds, speed_ratio, unit_of_speed
 from rampcast.doctor.finding import Faults, NotAssessed
-from rampcast.doctor.places import VALUE, moments
+from rampcast.doctor.places import VALUE, moments, no_places
 from rampcast.doctor.subject import Subject
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import columns as c
@@ -18,6 +19,11 @@ from rampcast.recording.cutting import FASTEST
 CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
 LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide
 LEAST_SHARE = 0.01  # of all rows: a lane of fewer may be no more than wrong labels
+WRONG_FEET = (0.3084, 0.3408, 0.305, 0.3049, 0.3047)  # [m] slips of the pen for 0.3048, and roundings
+MOST_WHOLE = 0.95  # of values that are whole thousandths of a foot: by chance a tenth is
+WHOLE = 0.05  # of a thousandth: metres rounded to a tenth of a millimetre are still told
+NEAR = 3.0  # [m] nearer to 0 one foot is as good as another
+MOST_FEET = 20_000  # positions that are looked at
 RATIO = (0.8, 1.25)  # of recorded to derived speed; beyond, and in no known unit, the time step is wrong
 # What a value must be multiplied with if it was taken for metres and is in that unit.
 LENGTH_UNITS = {"feet": FOOT, "centimetres": 0.01, "feet, converted to metres twice": 1 / FOOT}
@@ -48,6 +54,32 @@ def units(subject: Subject) -> Faults | NotAssessed:
         for one in suspicious
     )
     return Faults(moments({VALUE: [one.value for one in suspicious]}), of=len(measured), detail=detail)
+
+
+def feet(subject: Subject) -> Faults | NotAssessed:
+    """Returns one if the positions are whole thousandths of a foot that is not 0.3048 m; the value is that foot [m].
+
+    NGSIM writes feet with three decimals. Whoever turned them into metres with a wrong factor left them whole in it.
+    """
+    if subject.recording.is_smoothed:
+        return NotAssessed("the recording is smoothed already")
+    x = np.unique(subject.x[:: max(len(subject.x) // MOST_FEET, 1)])
+    x = x[np.abs(x) > NEAR]
+    if len(x) < FEWEST:
+        return NotAssessed("there are too few positions")
+    whole = {foot: _share_whole(x / foot) for foot in WRONG_FEET}
+    foot = max(whole, key=lambda one: whole[one])
+    if whole[foot] < MOST_WHOLE or _share_whole(x / FOOT) >= MOST_WHOLE or _share_whole(x) >= MOST_WHOLE:
+        return Faults(no_places(), of=1, count=0)
+    off = 100 * (foot / FOOT - 1)
+    detail = f"{whole[foot]:.1%} of x are whole thousandths of a foot of {foot:g} m: all positions are {off:+.2f} % off"
+    return Faults(moments({VALUE: [foot]}), of=1, detail=detail)
+
+
+def _share_whole(values: Float[np.ndarray, "position"]) -> float:
+    """Returns which share of values are whole thousandths, as far as a tenth of them tells."""
+    thousandths = values * 1000
+    return float(np.mean(np.abs(thousandths - np.rint(thousandths)) < WHOLE))
 
 
 def _car_length(subject: Subject) -> Iterator[_Measured]:

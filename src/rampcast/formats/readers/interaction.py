@@ -35,7 +35,7 @@ NOT_VEHICLES = ("pedestrian", "bicycle", "pedestrian/bicycle", "person", "cyclis
 COLUMNS = (
     believed.number("id", "track_id"),
     Column("time", ("timestamp_ms",), pl.Int64(), 0, 1e13),  # or since 1970
-    Column("type", ("agent_type",), pl.Categorical()),
+    Column("type", ("agent_type",), pl.Categorical(), optional=True),  # some files lack it: all are cars
     believed.place("x", "x", farthest=believed.FARTHEST_UTM),
     believed.place("y", "y", farthest=believed.FARTHEST_UTM),
     believed.speed("vx", "vx"),
@@ -91,6 +91,8 @@ def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, Read
 
 def _vehicles(rows: Rows) -> tuple[Rows, int]:
     """Returns the rows of vehicles, with their kind, and how many were of pedestrians and cyclists."""
+    if "type" not in rows.table.columns:
+        return replace(rows, table=rows.table.with_columns(pl.lit("car", PLANE_SCHEMA[c.KIND]).alias(c.KIND))), 0
     types = rows.table["type"].unique()
     unknown = sorted(set(types.cast(pl.String)) - {*KINDS, *NOT_VEHICLES})
     if unknown:

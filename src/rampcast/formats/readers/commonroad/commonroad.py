@@ -63,6 +63,8 @@ def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
     """Returns the rows of a scenario with the front centre as position, and what reading found."""
     if not scenario.states:
         why = f" {scenario.faults[0]}" if scenario.faults else ""
+        if name.startswith("C-"):
+            why = " It is a cooperative scenario: its vehicles are planning problems, which have no trajectories."
         raise FormatError(f"{scenario.file}: no vehicle moves in it; expected obstacles with states.{why}")
     columns = dict(zip(STATE, zip(*scenario.states, strict=True), strict=True))
     boxes = columns.pop("box")

@@ -57,7 +57,7 @@ FILES = ThreeFiles(
         believed.number("id", "id"),
         Column("rate", ("frameRate",), low=1, high=1000),
         believed.number("location", "locationId"),
-        Column("limit", ("speedLimit",), low=-1, high=100),
+        Column("limit", ("speedLimit",), low=-1, high=100, optional=True, may_be_blank=True),
         *(Column(name, (spelling,), pl.String()) for name, spelling in MARKINGS.items()),
     ),
 )

@@ -221,6 +221,10 @@ def _nothing(name: str) -> pl.Expr:
 def _values(table: pl.DataFrame, name: str, entry: Entry, mapping: TableMapping, path: Path) -> pl.Expr:
     kind = PLANE_SCHEMA[c.KIND] if name == "kind" else TYPES[name][0]
     if entry.constant is not None:
+        _, low, high = TYPES[name]
+        if isinstance(entry.constant, int | float) and not low <= entry.constant <= high:
+            what = f"{name} is {entry.constant:,.6g} in every row, expected {low:,g} to {high:,g}"
+            raise FormatError(f"{mapping.path}: {what}. A constant is in SI units: mend it")
         return pl.lit(entry.constant).cast(kind)
     if name in TEXTS or entry.values:
         return pl.lit(_words(table[entry.column], name, entry, kind, f"{path}: {entry.column}"))
