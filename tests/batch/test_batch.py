@@ -38,7 +38,7 @@ def files_of(out: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def serial(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("serial")
-    plan = plan_of_files([folder / "*"], out, every=5.0)
+    plan = plan_of_files([folder / "*"], out, every=5.0, accept_doubtful=True)
     for file in plan.files:
         run_task(Task(file, plan))
     return out
@@ -47,7 +47,7 @@ def serial(folder, tmp_path_factory):
 @pytest.mark.slow
 def test_processes_give_the_bytes_of_one_after_the_other_and_a_poison_file_fails_alone(folder, serial, tmp_path):
     told = []
-    plan = plan_of_files([folder / "*"], tmp_path, every=5.0)
+    plan = plan_of_files([folder / "*"], tmp_path, every=5.0, accept_doubtful=True)
     done = batch(plan, processes=2, progress=lambda *what: told.append(what))
     tables = ("summary", "scores")
     written = {name: data for name, data in files_of(tmp_path).items() if not name.startswith(tables)}
@@ -65,12 +65,12 @@ def test_processes_give_the_bytes_of_one_after_the_other_and_a_poison_file_fails
 
 @pytest.mark.slow
 def test_what_was_done_is_not_done_again_unless_what_it_depends_on_is_new(folder, serial):
-    plan = plan_of_files([folder / "window1.parquet"], serial, every=5.0)
+    plan = plan_of_files([folder / "window1.parquet"], serial, every=5.0, accept_doubtful=True)
     task = Task(plan.files[0], plan)
     before = task.record.stat().st_mtime_ns
     run_task(task)
     assert task.record.stat().st_mtime_ns == before
-    other = plan_of_files([folder / "window1.parquet"], serial, every=5.0, do=["doctor"])
+    other = plan_of_files([folder / "window1.parquet"], serial, every=5.0, accept_doubtful=True, do=["doctor"])
     run_task(Task(plan.files[0], other))
     assert task.record.stat().st_mtime_ns != before
     assert json.loads(task.record.read_text())["roads"][0]["files"] == []
@@ -93,7 +93,7 @@ def test_a_task_that_kills_its_process_fails_alone(folder, tmp_path, monkeypatch
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_bytes(folder, serial, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    plan = plan_of_files([folder / "window*"], tmp_path, every=5.0)
+    plan = plan_of_files([folder / "window*"], tmp_path, every=5.0, accept_doubtful=True)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
@@ -137,3 +137,9 @@ def test_no_scheduler_is_told(folder, tmp_path):
     pytest.importorskip("distributed", reason="needs the extra [cluster]")
     with pytest.raises(RampcastError, match="no Dask scheduler answers there"):
         batch(plan_of_files([folder / "window1.parquet"], tmp_path), scheduler="nonsense://there")
+
+
+def test_a_doubtful_file_fails_with_the_reason(folder, tmp_path):
+    plan = plan_of_files([folder / "window1.parquet"], tmp_path, do=["convert"])
+    assert "median length of cars" in run_task(Task(plan.files[0], plan))["error"]
+    assert not (tmp_path / "recordings").exists()

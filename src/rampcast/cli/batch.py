@@ -1,7 +1,7 @@
 """The command that does much with many recordings."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -43,7 +43,12 @@ def batch(
         raise RampcastError("--out is missing: the folder of all results")
     else:
         steps = {} if do is None else {"do": [one.strip() for one in do.split(",")]}
-        more = {"site": site, "format": format, "mapping": None if mapping is None else str(mapping), **steps}
+        more: dict[str, Any] = {
+            "site": site,
+            "format": format,
+            "mapping": None if mapping is None else str(mapping),
+            **steps,
+        }
         more |= {"skip_bad_rows": skip_bad_rows, "accept_doubtful": accept_doubtful}
         plan = plan_of_files(files, out, model=model, every=every, **more)
     with terminal.progress() as tell:
