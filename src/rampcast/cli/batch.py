@@ -1,7 +1,7 @@
 """The command that does much with many recordings."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,6 +9,9 @@ from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import AcceptDoubtful, Every, FormatName, MappingFile, SiteName, SkipBadRows, writable_folder
 from rampcast.errors import RampcastError
+
+if TYPE_CHECKING:
+    from rampcast.batch import Plan
 
 
 @app.command(
@@ -35,22 +38,9 @@ def batch(
 ) -> None:
     """Checks, converts, forecasts and scores many recordings, one task each; goes on where it was interrupted."""
     from rampcast.batch import batch as run
-    from rampcast.batch import plan_of_files, read_plan
 
-    if len(files) == 1 and files[0].endswith(".toml"):
-        plan = read_plan(files[0])
-    elif out is None:
-        raise RampcastError("--out is missing: the folder of all results")
-    else:
-        steps = {} if do is None else {"do": [one.strip() for one in do.split(",")]}
-        more: dict[str, Any] = {
-            "site": site,
-            "format": format,
-            "mapping": None if mapping is None else str(mapping),
-            **steps,
-        }
-        more |= {"skip_bad_rows": skip_bad_rows, "accept_doubtful": accept_doubtful}
-        plan = plan_of_files(files, out, model=model, every=every, **more)
+    more = {"site": site, "format": format, "model": model, "every": every, "skip_bad_rows": skip_bad_rows}
+    plan = asked_plan(files, out, do, mapping, more | {"accept_doubtful": accept_doubtful})
     with terminal.progress() as tell:
         found = run(plan, processes=processes, scheduler=scheduler, progress=tell)
     for name, reason in found.failed.select("file", "error").iter_rows():
@@ -59,3 +49,22 @@ def batch(
         terminal.say(f"wrote {path}")
     if found.failed.height:
         raise typer.Exit(1)
+
+
+def asked_plan(
+    files: list[str], out: Path | None, do: str | None, mapping: Path | None, more: dict[str, Any]
+) -> "Plan":
+    """Returns the plan of a file, or of what the command line says.
+
+    Raises:
+        RampcastError: it is none, or lacks a folder for its results.
+    """
+    from rampcast.batch import plan_of_files, read_plan
+
+    if len(files) == 1 and files[0].endswith(".toml"):
+        return read_plan(files[0])
+    if out is None:
+        raise RampcastError("--out is missing: the folder of all results")
+    if do is not None:
+        more = more | {"do": [one.strip() for one in do.split(",")]}
+    return plan_of_files(files, out, mapping=None if mapping is None else str(mapping), **more)
