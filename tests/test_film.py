@@ -9,8 +9,10 @@ import polars as pl
 import pytest
 from PIL import Image
 
+from rampcast.cli.reading import Reading
+from rampcast.cli.view import found_recording
 from rampcast.errors import MissingExtra, RampcastError
-from rampcast.plots.film import Cut
+from rampcast.plots.film import Cut, film_recording
 from rampcast.plots.film import files as film_files
 from rampcast.plots.film.files import write_film
 from rampcast.plots.film.film import Film
@@ -85,6 +87,34 @@ def test_a_cut_says_which_moments_are_drawn():
     for wrong in ({"seconds": 0.0}, {"rate": -1.0}, {"size": (961, 540)}):
         with pytest.raises(RampcastError, match="expected"):
             Cut(**wrong)
+
+
+class AnySite:
+    """A forecaster that may forecast any site, and is never asked to."""
+
+    def check(self, site: object) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "window", "message"),
+    [
+        ("film.avi", {}, None, "ends in"),
+        ("film.gif", {"vehicle": 999_999}, None, "there is no vehicle 999999"),
+        ("film.gif", {"begin": 1e6}, None, "nothing is 1e"),
+        ("film.gif", {}, "monday", "there is no window 'monday'"),
+    ],
+)
+def test_a_film_that_cannot_be_is_refused_before_a_forecast(recording, tmp_path, name, asked, window, message):
+    with pytest.raises(RampcastError, match=message):
+        film_recording(recording, tmp_path / name, AnySite(), cut=Cut(**asked), window=window)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_file_the_shipped_window_is_shown_that_no_model_was_trained_on(tmp_path):
+    shown, begin = found_recording([], Reading(None, None, None, skip_bad_rows=False))
+    assert shown.names == ["simulated-2"]
+    assert 0.0 < begin < 900.0
 
 
 def test_a_story_knows_the_ramp_the_merges_and_what_came(recording):

@@ -492,7 +492,7 @@ def test_rampcast_view_plays_a_recording_and_the_page_shows_what_its_service_say
     page = browser.new_context(viewport=DESK).new_page()
     page.goto(viewed)
     wanted = "window.rampcast?.store.truth && window.rampcast.store.forecast?.vehicles.size > 20"
-    until(page, f"Boolean({wanted})", patience=120.0)
+    until(page, f"Boolean({wanted})", patience=300.0)
     page.keyboard.press(" ")
     until(page, "window.rampcast.isPaused() && window.rampcast.store.forecast?.t === window.rampcast.store.frame.t")
     before = page.evaluate("window.rampcast.store.frame.ms")
