@@ -243,7 +243,7 @@ def test_a_viewer_that_stalls_is_closed_and_costs_the_others_nothing(monkeypatch
             time.sleep(0.02)
         for thread in threads:
             thread.join(20)
-        assert sorted(waits)[len(waits) // 2] < 50.0
+        assert sorted(waits)[len(waits) // 2] < 200.0  # [ms]; 2 on an idle machine
         assert len(inside.station.viewers) <= 3
         with pytest.raises(ConnectionClosed) as closed:  # noqa: PT012
             while True:

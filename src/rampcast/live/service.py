@@ -149,6 +149,7 @@ class Service:
             log("forecast_failed", site=stations[answer.site].name, text=answer.text)
         else:
             for station in stations:
+                station.forecast_at = None if answer.kind == "gone" else station.forecast_at  # stale at once
                 station.alarms.set("forecaster_gone", "service", is_on=answer.kind == "gone")
                 self.say(station)
 

@@ -63,7 +63,7 @@ class Tick:
             "degraded": self.degrading.told,
             "took_ms": round(1e3 * took, 1),
         }
-        return encoded_forecast(message, vehicles), {"took": took, "risks": risks(vehicles)}
+        return encoded_forecast(message, vehicles), {"took": took, "risks": risks(vehicles, self.site.gore)}
 
 
 def states(traffic: Traffic, names: dict[int, str]) -> dict[int, dict[str, Any]]:
@@ -89,14 +89,17 @@ def states(traffic: Traffic, names: dict[int, str]) -> dict[int, dict[str, Any]]
     }
 
 
-def risks(vehicles: list[dict[str, Any]]) -> list[tuple[Any, float, float, float | None, float]]:
-    """Returns of each vehicle what alarms look at: id, p(ttc), p(drac) within 5 s, p(merged) at the end, x [m]."""
+def risks(vehicles: list[dict[str, Any]], gore: float) -> list[tuple[Any, float, float, float | None, float]]:
+    """Returns of each vehicle what alarms look at: id, p(ttc), p(drac) within 5 s, p(merged) at the end, x [m].
+
+    Who has not come to the gore yet cannot merge, and is waited for by nobody: its p(merged) is None.
+    """
     return [
         (
             one["id"],
             one["conflicts"]["ttc_5s"],
             one["conflicts"]["drac_5s"],
-            None if one["p_merged"] is None else round(float(one["p_merged"][-1]), 3),
+            None if one["p_merged"] is None or one["x"] < gore else round(float(one["p_merged"][-1]), 3),
             one["x"],
         )
         for one in vehicles
