@@ -1,6 +1,7 @@
 """Kinds of files that were met in public, each as a small input by hand with the right value."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from rampcast.formats.steps.units import FOOT
 from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import cut_tracks
-from rampcast.sites import Lane, Site
+from rampcast.sites import Lane, Site, load_site, write_site
 
 NAMES = (
     "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_Length,v_Width,v_Class,v_Vel,v_Acc,"
@@ -251,3 +252,31 @@ def test_the_doctor_finds_feet_turned_into_metres_with_a_wrong_factor(foot, foun
 
 def test_metres_with_two_decimals_are_no_feet():
     assert examine(recording_of(np.round(1.37 * np.arange(1, 300), 2), range(299))).finding("feet") is None
+
+
+def located(place: str) -> str:
+    return table([[*row, place] for row in ROWS], f"{NAMES},Location")
+
+
+def test_rows_of_an_arterial_are_refused_in_one_word_with_and_without_a_site(tmp_path):
+    """It said "say --site", and then that there are no such rows: a circle."""
+    path = written(tmp_path, "a.csv", located("peachtree"))
+    for options in ({}, {"site": "i80"}):
+        with pytest.raises(FormatError, match=r"peachtree, an arterial without an on-ramp.*download ngsim-i80"):
+            read_all([path], **options)
+
+
+def test_rows_of_an_unknown_place_are_read_with_the_site_file_that_the_message_asks_for(tmp_path):
+    path = written(tmp_path, "a.csv", located("i-680"))
+    with pytest.raises(FormatError, match=r'with --site, in which location = "i-680"'):
+        read_all([path])
+    write_site(replace(load_site("i80"), name="mine", location="i-680"), tmp_path / "mine.toml")
+    recording, _ = read_any([path], site=tmp_path / "mine.toml")
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+
+
+def test_the_wrong_site_names_the_right_one_and_that_reads(tmp_path):
+    path = written(tmp_path, "a.csv", located("i-80"))
+    with pytest.raises(FormatError, match=r"Read it with --site i80"):
+        read_all([path], site="us101")
+    assert read_any([path], site="i80")[1].rows == 3

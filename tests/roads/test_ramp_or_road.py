@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from rampcast.errors import FormatError
 from rampcast.recording import columns as c
 from rampcast.roads.draft import draft_roads
 from rampcast.sites import Lane, Site
@@ -136,3 +137,15 @@ def test_a_clip_in_which_nothing_moves_is_a_road_where_the_vehicles_stand():
     (recording,), _ = read(plane_of(tracks))
     assert recording.tracks.height == 18
     assert sorted(recording.tracks[c.X].unique().round(3)) == [0.0, 10.0, 20.0]
+
+
+def test_files_of_two_places_are_not_made_one_recording():
+    here = plane_of([straight(y) for y in (0.0, -3.6, 0.0)])
+    parts = [
+        here.rows.with_columns(pl.lit(name, pl.Categorical()).alias(c.RECORDING), pl.col("px") + far)
+        for name, far in (("1", 0.0), ("2", 5000.0))
+    ]
+    with pytest.raises(FormatError, match="files of two places"):
+        read(replace(here, rows=pl.concat(parts)))
+    both = pl.concat([parts[0], parts[1].with_columns(pl.col("px") - 4900.0)])
+    assert read(replace(here, rows=both))[1].rows == both.height

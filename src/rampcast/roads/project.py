@@ -25,6 +25,8 @@ from rampcast.sites import Lane, Site
 from rampcast.sites.site import LANE_WIDTH, NO_LANE
 
 BESIDE = 1.0  # lane widths beside the outer lanes' centres at which a vehicle is still on this road
+APART = 1000.0  # [m] no recorded section is so long that two recordings of it are so far apart
+FEWEST = 3  # vehicles of a part that tell where it is
 BEYOND = 50.0  # [m] before x = 0 and beyond the site's length that are still read
 
 
@@ -42,6 +44,7 @@ def on_roads(plane: Plane, site: Site | None, report: ReadReport) -> tuple[tuple
     if site is not None:
         found = [on_road(plane, site, beside=BESIDE)]
     else:
+        _check_one_place(plane, report)
         drafts = _drafts(plane, report)
         found = [on_road(_part(plane, draft.is_here), draft.site, beside=math.inf) for draft in drafts]
     recordings = tuple(recording for recording, _ in found if not recording.tracks.is_empty())
@@ -61,6 +64,26 @@ def on_roads(plane: Plane, site: Site | None, report: ReadReport) -> tuple[tuple
         conflicting_duplicates=report.conflicting_duplicates + sum(n.conflicting_duplicates for _, n in found),
         rows=rows,
     )
+
+
+def _check_one_place(plane: Plane, report: ReadReport) -> None:
+    """Raises FormatError where parts of a plane that are drafted together lie far from each other."""
+    middle, half = pl.col(PX, PY).quantile(0.5), (pl.col(PX, PY).quantile(0.95) - pl.col(PX, PY).quantile(0.05)) / 2
+    parts = plane.rows.group_by(c.RECORDING, maintain_order=True).agg(
+        pl.col(c.VEHICLE).n_unique(), middle.name.suffix("_middle"), half.name.suffix("_half")
+    )
+    parts = parts.filter(pl.col(c.VEHICLE) >= FEWEST)
+    for row in parts.tail(-1).iter_rows(named=True):
+        first = parts.row(0, named=True)
+        apart = max(
+            abs(row[f"{axis}_middle"] - first[f"{axis}_middle"]) - row[f"{axis}_half"] - first[f"{axis}_half"]
+            for axis in (PX, PY)
+        )
+        if apart > APART:
+            raise FormatError(
+                f"{', '.join(report.files)}: part '{row[c.RECORDING]}' lies {apart:,.0f} m from part "
+                f"'{first[c.RECORDING]}': files of two places. Convert each by itself, or choose one with --site"
+            )
 
 
 def _drafts(plane: Plane, report: ReadReport) -> tuple[Draft, ...]:

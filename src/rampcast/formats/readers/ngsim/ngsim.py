@@ -16,7 +16,7 @@ from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.ngsim import windows as clocks
 from rampcast.formats.readers.ngsim.forms import LOCATION, WANTED, form_of, misses_ngsim
-from rampcast.formats.readers.ngsim.site import guess_ngsim_site
+from rampcast.formats.readers.ngsim.site import guess_ngsim_site, of_others
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column, Rows
@@ -25,7 +25,7 @@ from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.order import sorted_unique
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
-from rampcast.sites import Site
+from rampcast.sites import Site, load_site, site_names
 
 SOURCE = "ngsim"
 TIME_STEP = 0.1  # [s]
@@ -117,9 +117,10 @@ def _kind(v_class: pl.Expr) -> pl.Expr:
 def _check_location(found: Rows, site: Site) -> None:
     if not found.table.height:
         others = ", ".join(f"{location} ({count:,} rows)" for location, count in found.others.items())
+        fits = [one.name for one in map(load_site, site_names()) if one.location.lower() in found.others]
+        what = f"Read it with --site {fits[0]}" if fits else of_others(sorted(found.others))
         raise FormatError(
-            f"{found.file}: no row has the Location '{site.location}' of site {site.name}; found {others}. "
-            "Choose the site that fits with --site"
+            f"{found.file}: no row has the Location '{site.location}' of site {site.name}; found {others}. {what}"
         )
 
 

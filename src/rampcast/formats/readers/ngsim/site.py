@@ -15,6 +15,7 @@ from rampcast.formats.tables.rows import read_rows
 from rampcast.recording.reading import BadRows
 from rampcast.sites import Site, load_site, site_names
 
+ARTERIALS = ("lankershim", "peachtree")
 LOOKED_AT = 100  # rows whose times are looked at
 TIME = re.compile(
     r"\d{1,15}(\.\d*)?|\d\.\d{1,20}[eE]\+?\d\d?", re.ASCII
@@ -31,6 +32,9 @@ def guess_ngsim_site(heads: Sequence[Head]) -> Site:
     found = sorted({name for head in heads for name in _sites_of(head)})
     if len(found) == 1:
         return load_site(found[0])
+    places = sorted({place for head in heads for place in _locations(head)})
+    if not found and places:
+        raise FormatError(f"{', '.join(str(head.path) for head in heads)}: {of_others(places)}")
     known = ", ".join(site_names())
     what = f"they seem to be of several sites: {', '.join(found)}" if found else "its times and Location tell of none"
     raise FormatError(
@@ -43,11 +47,38 @@ def _sites_of(head: Head) -> list[str]:
     _, header = form_of(head)
     if LOCATION not in header.names:
         return sites_of_times(_times(head.text, header) if head.is_text else _times_of_table(head))
+    sites = [load_site(name) for name in site_names()]
+    locations = _locations(head)
+    return [site.name for site in sites if site.location and site.location.lower() in locations]
+
+
+def _locations(head: Head) -> set[str]:
+    """Returns what stands in the Location column, in small letters; nothing where there is none."""
+    _, header = form_of(head)
+    if LOCATION not in header.names:
+        return set()
     column = Column(LOCATION, (LOCATION,), pl.Categorical(), may_be_blank=True)
     found = read_rows(replace(head, header=header), (column,), bad_rows=BadRows.SKIP).table[LOCATION].unique()
-    locations = {str(text).strip(' "').lower() for text in found}
-    sites = [load_site(name) for name in site_names()]
-    return [site.name for site in sites if site.location and site.location.lower() in locations]
+    return {str(text).strip(' "').lower() for text in found.drop_nulls()}
+
+
+def of_others(places: Sequence[str]) -> str:
+    """Returns what to do with rows of places of which no site is shipped."""
+    arterial = [place for place in places if place in ARTERIALS]
+    if arterial:
+        return (
+            f"its rows are of {', '.join(arterial)}, an arterial without an on-ramp; expected a freeway: "
+            f"get the rows of Location {' or '.join(_freeways())} (rampcast download ngsim-i80)"
+        )
+    return (
+        f"its rows are of the Location {', '.join(map(repr, places))}, of which no site is known. Give a "
+        f'site file of your own with --site, in which location = "{places[0]}" (docs/sites.md); shipped are those of '
+        f"{', '.join(_freeways())}"
+    )
+
+
+def _freeways() -> list[str]:
+    return [site.location for site in map(load_site, site_names()) if site.location]
 
 
 def _times_of_table(head: Head) -> list[int]:

@@ -1,0 +1,42 @@
+"""The door for a frame: every kind of nonsense by hand, and what is right passes."""
+
+import numpy as np
+import pytest
+
+from rampcast.recording.frame_door import frame_door
+from rampcast.sites import load_site
+
+SITE = load_site("i80")
+X, Y = np.array([50.0, 80.0, 110.0]), np.array([-3.6, -3.6, -7.2])
+V = np.array([20.0, 21.0, 22.0])
+SOUND = {"length": np.full(3, 4.5), "v": V, "before": X - V * 0.1}
+
+
+def test_a_frame_that_is_as_it_should_be_passes_with_what_is_not_known():
+    assert frame_door(SITE, [1, 2, 3], X, Y, **SOUND).breaches == ()
+    assert frame_door(SITE, [1, 2, 3], X, np.full(3, np.nan)).is_believable.all()
+    assert frame_door(SITE, [], X[:0], Y[:0]).breaches == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("no_numbers", {"x": np.nan}),
+        ("far_places", {"x": 1e6}),
+        ("far_aside", {"y": 4000.0}),
+        ("impossible_speeds", {"v": 1e6}),
+        ("impossible_speeds", {"before": 1500.0}),
+        ("jumps", {"v": 65.0, "before": 80.0 + 5.0}),
+        ("impossible_lengths", {"length": 450.0}),
+        ("one_place", {"x": 50.2, "y": -3.6, "before": 48.1}),
+    ],
+)
+def test_nonsense_is_named_and_its_vehicle_left_out(name, changes):
+    values = {"x": X.copy(), "y": Y.copy(), **{key: value.copy() for key, value in SOUND.items()}}
+    for key, value in changes.items():
+        values[key][1] = value
+    found = frame_door(SITE, ["a", "b", "c"], values.pop("x"), values.pop("y"), frame=7, **values)
+    breach = next(one for one in found.breaches if one.name == name)
+    assert (breach.vehicle, breach.frame) == ("b", 7)
+    assert found.is_believable.tolist() == [True, False, True]
+    assert "vehicle b, frame 7" in str(breach)
