@@ -5,14 +5,13 @@ import { MEDIAN, at, bandsAt, clamp, percent, reaches } from "./format.js";
 import { likeliestGap } from "./geometry.js";
 
 const GHOSTS = [5, 10]; // [s]
-const FIRST = 4; // ramp vehicles whose forecast is drawn when nobody is followed: those that merge next
+const FIRST = 3; // ramp vehicles whose forecast is drawn when nobody is followed: those that merge next
 const USUAL_SCALE = 5; // [pixels a metre] at which a car is easily seen
 const NARROW = 2.6; // [pixels a metre] at least, on a phone
 const CLOSEST = 24;
 const STRETCH = 2.2; // by which lanes may be drawn wider than long
 const BELOW = 17; // [pixels] for the scale of distances
 const NEAR = 9; // [pixels] by which a click may miss
-const LIKELY = 0.2; // probability to merge within 15 s from which its forecast is drawn when nobody is followed
 const APART = 34; // [pixels] between the names of two ghosts
 const SHOWN_SHARE = 0.08; // of the futures, below which a ghost is not drawn
 const MODES = ["ramp", "followed", "all"];
@@ -201,10 +200,10 @@ export class Road {
     const own = shown.filter(({ one }) => one.id === followed && one.q);
     if (this.mode === "followed" || (own.length && this.mode === "ramp")) return own;
     if (this.mode === "all") return shown.filter(({ one }) => one.q);
-    return shown.filter(({ one }) => one.q && one.p_merged && this.store.onRamp(one))
-      .filter(({ one }) => one.p_merged[one.p_merged.length - 1] >= LIKELY)
-      .map((each) => ({ ...each, when: reaches(each.one.p_merged, 0.5) ?? 99 - each.one.p_merged[each.one.p_merged.length - 1] }))
-      .sort((a, b) => a.when - b.when).slice(0, FIRST);
+    const onRamp = shown.filter(({ one }) => one.q && one.p_merged && this.store.onRamp(one))
+      .map((each) => ({ ...each, when: reaches(each.one.p_merged, 0.5) ?? Infinity })).sort((a, b) => a.when - b.when || b.x - a.x);
+    const sure = onRamp.filter(({ when }) => when < Infinity).slice(0, FIRST);
+    return sure.length ? sure : onRamp.slice(0, 1);
   }
 
   // The places across the road where it may be after so many seconds, each with its share of the futures.
