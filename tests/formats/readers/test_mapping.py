@@ -431,3 +431,123 @@ def test_a_table_of_events_is_said_to_be_one(data_folder, tmp_path):
     )
     with pytest.raises(FormatError, match="these are events, not trajectories"):
         read_any([data_folder / "real" / "i80_lane_switches.parquet"], mapping=tmp_path / "my.toml")
+
+
+ISO = """
+[columns]
+vehicle = "id"
+time = { column = "when", unit = "iso" }
+x = "x"
+lane = 1
+"""
+
+
+def test_times_with_a_zone_a_comma_or_none_are_the_same_moments(tmp_path):
+    zones = ("2026-10-25T01:30:00.{}Z", "2026-10-25 03:30:00,{}+02:00", "2026-10-24T21:30:00.{}-0400")
+    for zone in zones:
+        times = [zone.format(k) for k in range(5)]
+        content = "id;when;x\n" + "".join(f"1;{time};{k}\n" for k, time in enumerate(times))
+        recording, report = read(tmp_path, ISO, content)
+        assert recording.tracks[c.FRAME].to_list() == [0, 1, 2, 3, 4]
+        assert (recording.time_step, report.clock_slips) == (0.1, 0)
+    content = "id;when;x\n" + "".join(
+        f"1;2026-07-01 03:30:0{k}.0;{k}\n1;2026-07-01 01:30:0{k}.5Z;0\n" for k in range(4)
+    )
+    recording, _ = read(tmp_path, 'timezone = "Europe/Berlin"\n' + ISO, content)
+    assert recording.tracks[c.FRAME].to_list() == list(range(8))
+
+
+def test_other_ways_to_write_a_time(tmp_path):
+    for unit, form in (("clock", "13:05:0{}.5"), ("%d.%m.%Y %H:%M:%S%.f", "28.11.2026 13:05:0{}.5")):
+        content = "id,when,x\n" + "".join(f"1,{form.format(k)},{k}\n" for k in range(5))
+        recording, _ = read(tmp_path, ISO.replace('"iso"', f'"{unit}"'), content)
+        assert recording.tracks[c.FRAME].to_list() == [0, 1, 2, 3, 4]
+    excel = [46354.5 + k * 0.1 / 86400 for k in range(5)]  # days since 1899-12-30
+    content = "id,when,x\n" + "".join(f"1,{day!r},{k}\n" for k, day in enumerate(excel))
+    recording, _ = read(tmp_path, ISO.replace('"iso"', '"day"'), content)
+    assert recording.tracks[c.FRAME].to_list() == [0, 1, 2, 3, 4]
+    assert recording.time_step == pytest.approx(0.1)
+
+
+def test_a_time_that_cannot_be_read_is_told_with_its_row_or_skipped(tmp_path):
+    content = "id,when,x\n" + "".join(f"1,{f'2026-11-28T13:05:0{k}' if k != 2 else 'soon'},{k}\n" for k in range(5))
+    with pytest.raises(FormatError, match=r"row 3: when: expected a time as 2026-11-28T.*, found 'soon'"):
+        read(tmp_path, ISO, content)
+    recording, report = read(tmp_path, ISO, content, bad_rows=BadRows.SKIP)
+    assert (report.rows_skipped, recording.tracks.height) == (1, 4)
+
+
+def test_degrees_become_metres_in_one_plane(tmp_path):
+    mapping = """
+meridian = 9.0
+[columns]
+vehicle = "id"
+time = "t"
+latitude = "lat"
+longitude = "lon"
+"""
+    # 200 m to the north along the central meridian, 2 m to the east: a degree of latitude is 111.2 km at 48 degrees
+    content = "id,t,lat,lon\n" + "".join(
+        f"{v},{k / 10},{48 + (2 * k + 30 * v) / 111_200:.9f},{9 + v * 3.5 / 74_600:.9f}\n"
+        for v in (1, 2) for k in range(100)
+    )  # fmt: skip
+    recording, _ = read(tmp_path, mapping, content)
+    for vehicle in (1, 2):
+        x = recording.tracks.filter(vehicle=vehicle)[c.X]
+        assert x.max() - x.min() == pytest.approx(198.0, abs=0.3)
+    assert recording.site.reference[0][1] == pytest.approx(5_318_000, abs=2000)  # from the equator
+
+
+def test_sizes_are_told_by_the_kind_where_no_column_does(tmp_path):
+    mapping = columns_of(
+        'x = "x"', "lane = 1", 'length = { column = "l", by_kind = { car = 4.5, truck = 14.0 } }',
+        "width = { by_kind = { truck = 2.5 } }",
+        'kind = { column = "k", values = { auto = "car", lkw = "truck", person = "none" } }',
+    )  # fmt: skip
+    rows = [
+        f"{v},{f},{f},{l},{k}"
+        for v, l, k in ((1, "", "auto"), (2, "9", "lkw"), (3, "", "lkw"), (4, "", "person"))
+        for f in range(4)
+    ]  # noqa: E501, E741
+    recording, report = read(tmp_path, mapping, "id,frame,x,l,k\n" + "\n".join(rows) + "\n")
+    sizes = recording.tracks.unique("vehicle").sort("vehicle").select("length", "width").rows()
+    assert [length for length, _ in sizes] == [4.5, 9.0, 14.0]
+    assert [width for _, width in sizes[1:]] == [2.5, 2.5]
+    assert report.rows_not_vehicles == 4
+
+
+def test_separator_and_decimal_sign_can_be_said(tmp_path):
+    mapping = 'separator = "|"\ndecimal = ","\n' + ONE
+    recording, _ = read(tmp_path, mapping, "id|frame|x\n" + "".join(f"1|{k}|{k},5\n" for k in range(5)))
+    assert recording.tracks[c.X].to_list() == [0.5, 1.5, 2.5, 3.5, 4.5]
+    tabs = ONE.replace('"frame"\nx', '"frame"\ny = "y"\nx')
+    recording, _ = read(tmp_path, tabs, "id\tframe\tx\ty\n" + "".join(f"1\t{k}\t{k},25\t0,5\n" for k in range(5)))
+    assert recording.tracks[c.X].to_list() == [0.25, 1.25, 2.25, 3.25, 4.25]
+
+
+def test_a_heading_from_north_turns_clockwise(tmp_path):
+    mapping = 'reference = "rear"\nplane = true\n' + columns_of(
+        'x = "x"', 'y = "y"', 'heading = { column = "h", unit = "deg from north" }', "length = 5", "width = 2"
+    )
+    content = "id,frame,x,y,h\n" + "".join(f"1,{k},0,{2 * k},0\n1,{k + 50},0,{2 * k + 100},0\n" for k in range(50))
+    recording, _ = read(tmp_path, mapping, content)
+    assert recording.site.reference[-1] == (pytest.approx(0, abs=0.1), pytest.approx(203, abs=2))
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('timezone = "Mars"', "timezone: there is none called 'Mars'"),
+        ('separator = "ab"', "separator"),
+        ('decimal = "x"', "decimal"),
+    ],
+)
+def test_what_a_mapping_says_of_the_file_is_checked(tmp_path, line, message):
+    with pytest.raises(FormatError, match=message):
+        read(tmp_path, f"{line}\n{ONE}", DATA)
+
+
+def test_one_pair_of_places_is_needed(tmp_path):
+    for lines in (['latitude = "lat"'], ['latitude = "lat"', 'longitude = "lon"', 'x = "x"']):
+        with pytest.raises(FormatError, match="latitude and longitude, both, or x and y"):
+            read(tmp_path, columns_of(*lines, "lane = 1"), DATA)

@@ -9,7 +9,7 @@ import pytest
 from rampcast.errors import FormatError
 from rampcast.formats import BadRows, read_any
 from rampcast.formats.readers import pneuma
-from rampcast.formats.readers.pneuma import in_metres
+from rampcast.formats.steps.earth import in_metres
 from rampcast.recording import columns as c
 from rampcast.sites import Lane, Site
 from tests.formats.reading import reads

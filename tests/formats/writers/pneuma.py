@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from rampcast.formats.readers.pneuma import in_metres
+from rampcast.formats.steps.earth import in_metres
 from rampcast.formats.steps.vehicles import TYPICAL_SIZES
 from rampcast.recording import Recording
 from rampcast.recording import columns as c

@@ -43,11 +43,13 @@ class Header:
         names: of the columns, as the file spells them.
         separator: between two columns.
         lines: of the file up to and with the header.
+        decimal: sign of its numbers; "" tells it by the content.
     """
 
     names: tuple[str, ...]
     separator: str
     lines: int
+    decimal: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,15 +139,16 @@ def plain(name: str) -> str:
     return name.strip().strip('"').lower().replace("-", "_").replace(" ", "_")
 
 
-def find_header(text: bytes) -> Header | None:
+def find_header(text: bytes, separators: Sequence[str] = SEPARATORS) -> Header | None:
     """Returns the header of a csv that begins with the text, or None if its first line names no columns."""
     lines = text.removeprefix(BYTE_ORDER_MARK).split(b"\n")
     number = next((index for index, line in enumerate(lines) if line.strip()), None)
     if number is None:
         return None
     line = lines[number].decode("latin-1").rstrip("\r")
-    separator = max(SEPARATORS, key=line.count)
-    names = tuple(cell.strip().strip('"') for cell in line.split(separator))
+    separator = max(separators, key=line.count)
+    cells = line.split() if separator == " " else line.split(separator)
+    names = tuple(cell.strip().strip('"') for cell in cells)
     is_text = line.replace("\t", "").isprintable() and not line.lstrip().startswith(NO_TABLES)
     is_header = len(names) > 1 and is_text and not any(_is_number(name) for name in names)
     return Header(names, separator, number + 1) if is_header else None

@@ -11,13 +11,16 @@ LEAST = 1000.0  # from which on a number has a separator
 GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
 UNGROUPED = r"^[+-]?\d{4}"  # how a large number without one begins
 
-DECIMAL_COMMA = re.compile(rb"(?:^|[;\n])\"?[+-]?\d+,\d+(?:[eE][+-]?\d+)?\"?(?=[;\r\n])")
-THOUSANDS = re.compile(rb"^[;\n]?\"?[+-]?\d{1,3},\d{3}\"?$")  # may be either
+DECIMAL_COMMA = re.compile(rb"(?:^|[;\t\n])\"?[+-]?\d+,\d+(?:[eE][+-]?\d+)?\"?(?=[;\t\r\n])")
+THOUSANDS = re.compile(rb"^[;\t\n]?\"?[+-]?\d{1,3},\d{3}\"?$")  # may be either
 
 
 def has_decimal_commas(head: Head) -> bool:
     """Returns whether numbers of a csv are written with a decimal comma, as "70,5" between semicolons."""
-    if head.header is None or head.header.separator != ";" or re.search(rb"[;\n]\"?[+-]?\d+\.\d", head.text):
+    header = head.header
+    if header is not None and header.decimal:
+        return header.decimal == ","
+    if header is None or header.separator not in (";", "\t") or re.search(rb"[;\t\n]\"?[+-]?\d+\.\d", head.text):
         return False
     return any(not THOUSANDS.match(cell) for cell in DECIMAL_COMMA.findall(head.text))
 

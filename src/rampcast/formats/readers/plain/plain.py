@@ -13,11 +13,13 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.file_values import close_column
-from rampcast.formats.files.head import Head, plain
+from rampcast.formats.files.head import Head, find_header, plain
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
-from rampcast.formats.readers.plain.mapping import REFERENCES, TEXTS, Entry, TableMapping
+from rampcast.formats.readers.plain.mapping import NO_VEHICLE, REFERENCES, TEXTS, Entry, TableMapping
+from rampcast.formats.readers.plain.times import with_times
 from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
+from rampcast.formats.steps.earth import in_metres, nearest_meridian
 from rampcast.formats.steps.motion import directions
 from rampcast.formats.steps.places import different_names
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
@@ -45,6 +47,8 @@ TYPES: dict[str, tuple[Any, float, float]] = {
     "time": (pl.Float64(), -1e10, 1e10),  # seconds since 1970 are 2e9 in the year 2033
     "x": (pl.Float64(), -FARTHEST_UTM, FARTHEST_UTM),
     "y": (pl.Float64(), -FARTHEST_UTM, FARTHEST_UTM),
+    "latitude": (pl.Float64(), -84, 84),
+    "longitude": (pl.Float64(), -180, 180),
     "heading": (pl.Float32(), -100, 100),
     "lane": (pl.Int16(), 0, 1000),
     "length": (pl.Float32(), 0, LONGEST),
@@ -93,6 +97,7 @@ def read_mapped(
         bad_rows: what to do with a row that is not as it should be.
     """
     parts, report = _read(heads, mapping, bad_rows)
+    parts = _in_plane(parts, mapping.meridian) if mapping.on_earth else parts
     site = site or mapping.site
     table, time_step, slips = with_frames(
         _parts(parts, site.name if site else mapping.name), mapping.time_step, files=report.files
@@ -119,11 +124,13 @@ def _read(heads: Sequence[Head], mapping: TableMapping, bad_rows: BadRows) -> tu
     _check_names([head.path for head in heads], mapping)
     parts: list[pl.DataFrame] = []
     reports: list[ReadReport] = []
-    for head in heads:
+    for head in (_as_described(head, mapping) for head in heads):
         _check_columns(head, mapping)
-        rows = read_rows(head, _columns(mapping), bad_rows=bad_rows)
-        reports.append(rows.report(f"table by {mapping.path}" if mapping.path else "plain table"))
-        parts.extend(_vehicle(rows.table, entries, mapping, head.path) for entries in mapping.vehicles)
+        rows = with_times(read_rows(head, _columns(mapping), bad_rows=bad_rows), mapping, bad_rows)
+        found = [_vehicle(rows.table, entries, mapping, head.path) for entries in mapping.vehicles]
+        report = rows.report(f"table by {mapping.path}" if mapping.path else "plain table")
+        reports.append(replace(report, rows_not_vehicles=sum(left_out for _, left_out in found)))
+        parts.extend(table for table, _ in found)
     return parts, join_reports(reports)
 
 
@@ -185,23 +192,64 @@ def _columns(mapping: TableMapping) -> tuple[Column, ...]:
 def _column(name: str, entry: Entry, *, is_alone: bool) -> Column:
     """Returns a column to read; where a row holds several vehicles, some of them may be absent."""
     kind, low, high = TYPES[name]
-    kind = pl.Categorical() if entry.values else kind
+    kind = pl.Categorical() if entry.values else pl.String() if entry.written else kind
     ends = sorted((end - entry.plus * abs(entry.factor)) / entry.factor for end in (low, high))
     may_be_blank = name in MAY_BE_BLANK or not (is_alone or name in ("frame", "time"))
     return Column(entry.column, (entry.column,), kind, ends[0], ends[1], may_be_blank=may_be_blank)
 
 
-def _vehicle(table: pl.DataFrame, entries: Mapping[str, Entry], mapping: TableMapping, path: Path) -> pl.DataFrame:
-    """Returns one vehicle of each row in SI, without the rows in which it is absent."""
+def _vehicle(
+    table: pl.DataFrame, entries: Mapping[str, Entry], mapping: TableMapping, path: Path
+) -> tuple[pl.DataFrame, int]:
+    """Returns one vehicle of each row in SI, without the rows in which it is absent, and how many are of no vehicle."""
+    rows_before = table.height
+    table = _of_vehicles(table, entries)
+    left_out = rows_before - table.height
     values = {name: _values(table, name, entry, mapping, path) for name, entry in entries.items()}
     if "recording" not in values:
         values["recording"] = pl.lit(_part_of(path), pl.Categorical())
     rows = table.select(values[name].alias(name) if name in values else _nothing(name) for name in TYPES)
+    place = "latitude" if mapping.on_earth else "x"
     if len(mapping.vehicles) > 1:
-        rows = rows.filter(pl.col("vehicle").is_not_null() & pl.col("x").is_not_null())
+        rows = rows.filter(pl.col("vehicle").is_not_null() & pl.col(place).is_not_null())
     if mapping.absent:
         rows = rows.filter(~pl.col("vehicle").cast(pl.String).is_in(mapping.absent))
-    return rows
+    return rows.with_columns(_told_by_kind(name, one) for name, one in entries.items() if one.by_kind), left_out
+
+
+def _of_vehicles(table: pl.DataFrame, entries: Mapping[str, Entry]) -> pl.DataFrame:
+    """Returns the rows that are of vehicles, and not of a kind that the mapping says is none."""
+    kind = entries.get("kind")
+    gone = [word for word, meant in kind.values.items() if meant == NO_VEHICLE] if kind else []
+    if kind is None or not gone:
+        return table
+    return table.filter(~_plainly(pl.col(kind.column).cast(pl.String)).is_in(gone).fill_null(False))
+
+
+def _plainly(words: pl.Expr) -> pl.Expr:
+    """Returns texts without the ".0" of whole numbers that were floats."""
+    return words.str.replace(r"^(-?\d+)\.0+$", "$1").str.strip_chars()
+
+
+def _told_by_kind(name: str, entry: Entry) -> pl.Expr:
+    told = pl.col("kind").cast(pl.String).fill_null("car").replace_strict(dict(entry.by_kind), default=None)
+    return pl.col(name).fill_null(told.cast(TYPES[name][0]))
+
+
+def _as_described(head: Head, mapping: TableMapping) -> Head:
+    """Returns a file with the header that the separator of the mapping parts, and the decimal sign that it names."""
+    if not head.is_text or not (mapping.separator or mapping.decimal):
+        return head
+    header = find_header(head.text, (mapping.separator,)) if mapping.separator else head.header
+    return replace(head, header=replace(header, decimal=mapping.decimal) if header else None)
+
+
+def _in_plane(parts: Sequence[pl.DataFrame], meridian: float | None) -> list[pl.DataFrame]:
+    """Returns the parts with x to the east and y to the north [m] for their degrees, in one plane."""
+    first = next((part for part in parts if part.height), parts[0])
+    meridian = nearest_meridian(first["longitude"].to_numpy()) if meridian is None else meridian
+    places = [in_metres(part["latitude"].to_numpy(), part["longitude"].to_numpy(), meridian) for part in parts]
+    return [part.with_columns(pl.Series(c.X, x), pl.Series(c.Y, y)) for part, (x, y) in zip(parts, places, strict=True)]
 
 
 def _parts(tables: Sequence[pl.DataFrame], site: str) -> pl.DataFrame:
@@ -226,6 +274,8 @@ def _values(table: pl.DataFrame, name: str, entry: Entry, mapping: TableMapping,
             what = f"{name} is {entry.constant:,.6g} in every row, expected {low:,g} to {high:,g}"
             raise FormatError(f"{mapping.path}: {what}. A constant is in SI units: mend it")
         return pl.lit(entry.constant).cast(kind)
+    if not entry.column:
+        return _nothing(name)
     if name in TEXTS or entry.values:
         return pl.lit(_words(table[entry.column], name, entry, kind, f"{path}: {entry.column}"))
     cell = pl.col(entry.column)
@@ -238,7 +288,7 @@ def _values(table: pl.DataFrame, name: str, entry: Entry, mapping: TableMapping,
 def _words(words: pl.Series, name: str, entry: Entry, kind: Any, place: str) -> pl.Series:
     """Returns texts without the ".0" of whole numbers that were floats, as the mapping translates them, of a kind."""
     unique = words.unique().drop_nulls()
-    plainly = unique.cast(pl.String).str.replace(r"^(-?\d+)\.0+$", "$1").str.strip_chars()
+    plainly = unique.to_frame("word").select(_plainly(pl.col("word").cast(pl.String))).to_series()
     known = dict(entry.values) or ({kind: kind for kind in c.KINDS} if name == "kind" else {})
     unknown = sorted(set(plainly) - set(known)) if known else []
     if unknown:

@@ -1,0 +1,50 @@
+"""Times of a table that are written out: as seconds, with a fault for each that cannot be read."""
+
+from dataclasses import replace
+
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.readers.plain.mapping import TableMapping
+from rampcast.formats.steps.written_times import WRITTEN, seconds_written
+from rampcast.formats.tables.columns import SHOWN, Rows, advice
+from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
+
+EXAMPLES = {"iso": "2026-11-28T13:05:02.1+01:00", "clock": "13:05:02.1"}
+
+
+def with_times(rows: Rows, mapping: TableMapping, bad_rows: BadRows) -> Rows:
+    """Returns the rows with seconds for times that are written out, without those whose time cannot be read.
+
+    Raises:
+        FormatError: one cannot be read and such rows are not to be skipped, or none can.
+    """
+    for column, written in _written(mapping).items():
+        seconds = seconds_written(rows.table[column], written, mapping.timezone)
+        wrong = seconds.is_null()
+        if wrong.any():
+            rows = _without(rows, column, written, wrong, bad_rows)
+            seconds = seconds.filter(~wrong)
+        rows = replace(rows, table=rows.table.with_columns(seconds.alias(column)))
+    return rows
+
+
+def _written(mapping: TableMapping) -> dict[str, str]:
+    times = (entries["time"] for entries in mapping.vehicles if "time" in entries)
+    return {entry.column: entry.written for entry in times if entry.written}
+
+
+def _without(rows: Rows, column: str, written: str, wrong: pl.Series, bad_rows: BadRows) -> Rows:
+    wanted = f"a time as {EXAMPLES[written]}" if written in WRITTEN else f"a time as {written} says"
+    texts = rows.table[column]
+    faults = [
+        BadRow(rows.file, place + 1, 0, f"{column}: expected {wanted}, found '{texts[place]!s:.{SHOWN}}'", "row")
+        for place in wrong.arg_true().head(MOST_LISTED).to_list()
+    ]
+    if bad_rows is BadRows.RAISE:
+        raise FormatError(advice(faults[0]))
+    if wrong.all():
+        raise FormatError(f"{rows.file}: none of its {len(wrong):,} rows can be read. {faults[0]}")
+    listed = (*rows.faults, *faults)[:MOST_LISTED]
+    counted = rows.faults_counted + int(wrong.sum())
+    return replace(rows, table=rows.table.filter(~wrong), faults=listed, faults_counted=counted)

@@ -1,0 +1,54 @@
+"""Times that are written out, as 2026-11-28T13:05:02.1+01:00, as seconds."""
+
+from typing import Final
+
+import polars as pl
+
+WRITTEN: Final = ("iso", "clock")
+ISO: Final = r"^(\d{4}-\d{2}-\d{2})[T ](\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?$"
+CLOCK: Final = r"^(\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)$"
+
+
+def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl.Series:
+    """Returns times [s since 1970, UTC; of a clock since midnight]; null where one is not written so.
+
+    Args:
+        texts: as they stand in the file.
+        written: "iso" (date, time and maybe zone), "clock" (13:05:02.1), or a format as 28/11/26 is %d/%m/%y.
+        timezone: of times that name none.
+    """
+    text = pl.col(texts.name).cast(pl.String).str.strip_chars(' "')
+    if written == "iso":
+        date, clock, zone = (text.str.extract(ISO, group) for group in (1, 2, 3))
+        moment = _naive(pl.concat_str(date, pl.lit("T"), _full(clock)), "%Y-%m-%dT%H:%M:%S%.f")
+        seconds = _utc(moment, zone, timezone)
+    elif written == "clock":
+        moment = _naive(pl.lit("1970-01-01T") + _full(text.str.extract(CLOCK, 1)), "%Y-%m-%dT%H:%M:%S%.f")
+        seconds = _seconds(moment)
+    else:
+        moment = text.str.to_datetime(written, time_unit="us", strict=False)
+        seconds = _seconds(moment) if "%z" in written else _utc(moment, pl.lit(None, pl.String), timezone)
+    return texts.to_frame().select(seconds).to_series()
+
+
+def _full(clock: pl.Expr) -> pl.Expr:
+    """Returns a time of day with seconds, and a point before their parts."""
+    clock = clock.str.replace(",", ".", literal=True)
+    return pl.when(clock.str.count_matches(":") == 1).then(clock + ":00").otherwise(clock)
+
+
+def _naive(text: pl.Expr, written: str) -> pl.Expr:
+    return text.str.to_datetime(written, time_unit="us", strict=False)
+
+
+def _seconds(moment: pl.Expr) -> pl.Expr:
+    return moment.dt.epoch("us").cast(pl.Float64) / 1e6
+
+
+def _utc(moment: pl.Expr, zone: pl.Expr, timezone: str) -> pl.Expr:
+    """Returns the seconds of a time that is ahead of UTC as its zone says, or of the time zone if it has none."""
+    hours, minutes = zone.str.extract(r"^[+-](\d{2})", 1), zone.str.extract(r"^[+-]\d{2}:?(\d{2})$", 1)
+    ahead = hours.cast(pl.Float64).fill_null(0.0) * 3600 + minutes.cast(pl.Float64).fill_null(0.0) * 60
+    sign = pl.when(zone.str.starts_with("-")).then(-1.0).otherwise(1.0)
+    local = moment.dt.replace_time_zone(timezone, ambiguous="earliest", non_existent="null")
+    return pl.when(zone.is_null()).then(_seconds(local)).otherwise(_seconds(moment) - sign * ahead)
