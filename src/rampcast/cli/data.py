@@ -33,6 +33,7 @@ from rampcast.cli.reading import (
     doubtful_of,
     read_road,
     read_roads,
+    taken_for,
     user_command,
     warn_if_off_road,
     warn_of_breaches,
@@ -61,6 +62,8 @@ def inspect(
     """Prints what is in a recording and how good it is, road by road."""
     from rampcast.doctor import inspect as summary_of
 
+    if mapping is None and format is None:
+        terminal.note(taken_for(files))
     with terminal.progress("read and check"):
         recordings, report = read_roads(files, Reading(site, format, mapping, skip_bad_rows))
         found = [summary_of(recording) for recording in recordings]

@@ -100,6 +100,30 @@ def read_smoothed(files: list[Path], reading: Reading) -> "Recording":
     return smoothed
 
 
+def taken_for(files: list[Path]) -> str:
+    """Returns which format files are taken for and why, or what `rampcast start` would take a table for."""
+    from rampcast.errors import FormatError
+    from rampcast.formats.files.head import heads_of
+    from rampcast.formats.reading import format_of
+    from rampcast.start import StartError, proposed
+
+    heads = heads_of([*files])
+    try:
+        entry = format_of(heads)
+    except FormatError as error:
+        try:
+            told = "\n".join(f"  {reason}" for reason in proposed(files).reasons)
+        except StartError as question:
+            told = f"  {question}"
+        except FormatError:
+            raise error from None
+        return (
+            f"{files[0]}: in no format that rampcast knows; `rampcast start` would take it for a table of which\n{told}"
+        )
+    has = ", ".join(entry.needs.columns[:6])
+    return f"taken for: {entry.title}{f', since it has the columns {has}' if has and heads[0].names else ''}"
+
+
 def user_command() -> str:
     """Returns what the user called."""
     return shlex.join(["rampcast", *sys.argv[1:]])

@@ -505,10 +505,10 @@ def test_sizes_are_told_by_the_kind_where_no_column_does(tmp_path):
         'kind = { column = "k", values = { auto = "car", lkw = "truck", person = "none" } }',
     )  # fmt: skip
     rows = [
-        f"{v},{f},{f},{l},{k}"
-        for v, l, k in ((1, "", "auto"), (2, "9", "lkw"), (3, "", "lkw"), (4, "", "person"))
+        f"{v},{f},{f},{long},{k}"
+        for v, long, k in ((1, "", "auto"), (2, "9", "lkw"), (3, "", "lkw"), (4, "", "person"))
         for f in range(4)
-    ]  # noqa: E501, E741
+    ]
     recording, report = read(tmp_path, mapping, "id,frame,x,l,k\n" + "\n".join(rows) + "\n")
     sizes = recording.tracks.unique("vehicle").sort("vehicle").select("length", "width").rows()
     assert [length for length, _ in sizes] == [4.5, 9.0, 14.0]

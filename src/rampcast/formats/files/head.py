@@ -145,13 +145,20 @@ def find_header(text: bytes, separators: Sequence[str] = SEPARATORS) -> Header |
     number = next((index for index, line in enumerate(lines) if line.strip()), None)
     if number is None:
         return None
-    line = lines[number].decode("latin-1").rstrip("\r")
+    line = _decoded(lines[number]).rstrip("\r")
     separator = max(separators, key=line.count)
     cells = line.split() if separator == " " else line.split(separator)
     names = tuple(cell.strip().strip('"') for cell in cells)
     is_text = line.replace("\t", "").isprintable() and not line.lstrip().startswith(NO_TABLES)
     is_header = len(names) > 1 and is_text and not any(_is_number(name) for name in names)
     return Header(names, separator, number + 1) if is_header else None
+
+
+def _decoded(line: bytes) -> str:
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
 
 
 def _is_number(text: str) -> bool:

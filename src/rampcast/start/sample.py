@@ -1,0 +1,68 @@
+"""The first rows of a table whose columns nobody has described, as numbers where they are numbers."""
+
+import io
+from dataclasses import dataclass
+
+import polars as pl
+
+from rampcast.errors import FormatError
+from rampcast.formats.files.head import Head
+from rampcast.formats.files.sources import open_source
+from rampcast.formats.tables.thousands import has_decimal_commas
+
+BYTES = 24 << 20  # of a csv that are looked at: some 300,000 rows
+ROWS = 300_000
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The first rows of a table.
+
+    Attributes:
+        name: of the file, for messages.
+        table: its columns; text where a cell is no number.
+        separator: between two columns of a csv; "" of another file.
+        decimal_comma: whether its numbers have one.
+    """
+
+    name: str
+    table: pl.DataFrame
+    separator: str = ""
+    decimal_comma: bool = False
+
+
+def sample_of_head(head: Head) -> Sample:
+    """Returns the first rows of a csv, a parquet file or a table in memory.
+
+    Raises:
+        FormatError: it is no table with a line of names, or has no rows.
+    """
+    if head.table is not None:
+        return Sample(head.name, head.table.head(ROWS))
+    if head.types is not None:
+        return Sample(head.name, pl.scan_parquet(head.path).head(ROWS).collect())
+    if head.header is None:
+        raise FormatError(
+            f"{head.name}: this is no table whose first line names its columns. Put one before the numbers, "
+            "as id,time,x,y, and call the same command again"
+        )
+    with open_source(head.path) as (_, stream):
+        text = stream.read(BYTES)
+    text = text[: text.rfind(b"\n") + 1] or text
+    comma = has_decimal_commas(head)
+    table = pl.read_csv(
+        io.BytesIO(text), separator=head.header.separator, skip_lines=head.header.lines, has_header=False,
+        new_columns=[*head.header.names], infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
+    )  # fmt: skip
+    if not table.height:
+        raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
+    return Sample(head.name, table.select(_typed(column, comma) for column in table), head.header.separator, comma)
+
+
+def _typed(column: pl.Series, decimal_comma: bool) -> pl.Series:
+    """Returns a column as numbers where all cells are, but for a few that are empty."""
+    text = column.str.strip_chars(' "')
+    text = text.str.replace(",", ".", literal=True) if decimal_comma else text
+    empty = text.is_null() | text.str.to_lowercase().is_in(["", "nan", "na", "null", "none"])
+    numbers = text.cast(pl.Float64, strict=False)
+    return numbers if (numbers.is_null() & ~empty).mean() < 0.01 and not empty.all() else text  # type: ignore[operator]
