@@ -39,3 +39,11 @@ def test_one_version_stands_in_all_files_that_name_it() -> None:
     assert tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["version"] == version
     assert re.search(r"(?m)^version: (.*)$", (PROJECT / "CITATION.cff").read_text())[1] == version
     assert f"\n## [{version}]\n" in (PROJECT / "CHANGELOG.md").read_text()
+
+
+def test_the_source_distribution_has_what_its_makefile_needs() -> None:
+    include = tomllib.loads((PROJECT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"]
+    made_of = {"constraints.txt", "mkdocs.yml", "Makefile", "src", "tests", "docs", "benchmarks"}
+    assert made_of <= {*include["include"]}
+    named = set(re.findall(r"[\w/.]+\.(?:txt|toml|yml)", (PROJECT / "Makefile").read_text())) - {"pyproject.toml"}
+    assert named <= {*include["include"]}

@@ -178,7 +178,7 @@ def check_ordinary(path: Path) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Checks that a file can be written, before long work is done for it, by writing one of that name.
+    """Checks that a file can be written, before long work is done for it, by writing one of that name in a work folder.
 
     Raises:
         OutputError: it is a folder, or nothing can be written there.
@@ -321,14 +321,9 @@ def _made_for_now(folder: Path) -> Iterator[None]:
                 one.rmdir()
 
 
-def _probe(folder: Path, name: str | None = None) -> None:
-    probe = folder / (name or f".rampcast-{secrets.token_hex(8)}.probe")
-    file = os.open(probe, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-    try:
-        os.write(file, PROBE)
-    finally:
-        os.close(file)
-        probe.unlink(missing_ok=True)
+def _probe(folder: Path, name: str = "probe") -> None:
+    with work_folder(folder) as work:
+        (work / name).write_bytes(PROBE)
 
 
 @contextmanager

@@ -10,11 +10,12 @@ import pytest
 from rampcast.cli.compiled import cache_folder, keep_compiled_programs
 
 COMPUTE = """
-from rampcast.cli.compiled import keep_compiled_programs
+from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
 keep_compiled_programs()
 import numpy as np
 from rampcast.compute import jnp, program
-print(program(lambda x: jnp.linalg.inv(jnp.sin(x) @ x.T))(2.0 * np.eye(3))[0, 0])
+with replacing_damaged_programs():
+    print(program(lambda x: jnp.linalg.inv(jnp.sin(x) @ x.T))(2.0 * np.eye(3))[0, 0])
 """
 
 
@@ -52,7 +53,7 @@ def test_a_folder_that_cannot_be_written_is_no_error(bare: Path) -> None:
     assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
 
 
-def test_a_damaged_program_is_compiled_again(bare: Path) -> None:
+def test_a_damaged_program_is_compiled_again_and_kept(bare: Path) -> None:
     environment = {**os.environ, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
 
     def run() -> subprocess.CompletedProcess[str]:
@@ -66,3 +67,25 @@ def test_a_damaged_program_is_compiled_again(bare: Path) -> None:
         path.write_bytes(b"damaged")
     again = run()
     assert (again.returncode, again.stdout) == (0, first.stdout), again.stderr
+    assert (again.stderr, {path.name for path in kept}) == ("", {path.name for path in (bare / "jax").glob("*-cache")})
+    assert not [path for path in kept if path.read_bytes() == b"damaged"]
+
+
+def test_a_damaged_program_of_numba_is_removed_and_said_so(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text("import numba\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    code = (
+        "from rampcast.cli.compiled import replacing_damaged_programs\nfrom loops import double\n"
+        "with replacing_damaged_programs():\n    print(double(4))"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=tmp_path
+        )
+
+    assert run().stdout == "8\n"
+    for path in (tmp_path / "cache").rglob("*.nb*"):
+        path.write_bytes(b"damaged")
+    assert "a damaged list of compiled programs; it is removed, call again" in run().stderr
+    assert run().stdout == "8\n"

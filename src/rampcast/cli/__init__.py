@@ -6,7 +6,7 @@ import sys
 from rampcast.cli import batch, begin, data, forecasting, live, view
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.compiled import keep_compiled_programs
+from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
 from rampcast.errors import RampcastError
 
 ROOM = "Make room or choose another --out, and call the same command again"
@@ -27,7 +27,8 @@ def main() -> None:
     """Runs the command line; a user's mistake is one message and exit code 2."""
     keep_compiled_programs()
     try:
-        app()
+        with replacing_damaged_programs():
+            app()
     except (RampcastError, OSError) as error:
         terminal.complain(told(error))
         sys.exit(2)

@@ -5,12 +5,21 @@ jax has one folder for them in each process, so a library must not choose it; a 
 
 import os
 import tempfile
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from platformdirs import user_cache_path
 
+from rampcast.errors import RampcastError
+
 FOLDER = "JAX_COMPILATION_CACHE_DIR"  # jax reads both when imported
 WORTH = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
+DAMAGED = "Error reading persistent compilation cache entry"  # as jax warns
+NUMBA_CACHE = os.path.join("numba", "core", "caching.py")
 WORTH_KEEPING = 0.1  # [s] of compiling; below this, reading the program from disk saves nothing
 
 
@@ -34,3 +43,40 @@ def keep_compiled_programs() -> bool:
     os.environ[FOLDER] = str(folder)
     os.environ.setdefault(WORTH, str(WORTH_KEEPING))
     return True
+
+
+@contextmanager
+def replacing_damaged_programs() -> Iterator[None]:
+    """Removes kept programs that are damaged: jax compiles anew, but replaces none; numba fails on them.
+
+    Raises:
+        RampcastError: it was one of numba's.
+    """
+    show = warnings.showwarning
+
+    def remove_or_show(message: Warning | str, *rest: Any, **named: Any) -> None:
+        if DAMAGED not in str(message):
+            show(message, *rest, **named)
+            return
+        for path in cache_folder().glob("*-cache"):
+            path.unlink(missing_ok=True)
+
+    warnings.showwarning = remove_or_show
+    try:
+        yield
+    except Exception as error:
+        if (index := _index_of_numba(error)) is None:
+            raise
+        index.unlink(missing_ok=True)
+        raise RampcastError(f"{index}: a damaged list of compiled programs; it is removed, call again") from error
+    finally:
+        warnings.showwarning = show
+
+
+def _index_of_numba(error: Exception) -> Path | None:
+    """Returns the file that numba could not read its programs by, if the error is of that."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        cache = frame.f_locals.get("self")
+        if frame.f_code.co_filename.endswith(NUMBA_CACHE) and hasattr(cache, "_index_path"):
+            return Path(cache._index_path)
+    return None

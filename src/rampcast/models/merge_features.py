@@ -14,6 +14,7 @@ LEADERS_SEEN = 5  # whose states are features; few cases have more
 FREE_SPEED = 15.0  # [m/s] mean speed of a platoon that is not in congestion; half the limit of both NGSIM sites
 WAVE = 2.5  # [m/s] by which somebody ahead is slower: braking a car of 11 m/s notices, and twice the noise of a speed
 TARGET_LEADERS_SEEN = 3  # of the target lane, likewise
+ALIKE = 0.05  # [m/s] between speeds: the noise of a good recording
 FAR_GAP = 100.0  # [m]; a gap beyond this is as good as none behind it
 SLOWEST = 20.0  # [s] to the lane line; who takes longer does not go there
 
@@ -40,7 +41,8 @@ def platoon_table(platoons: Platoons) -> Float[np.ndarray, "platoon feature"]:
     columns = [v[:, 0], a[:, 0], platoons.depth.astype(float), np.nanmean(v, axis=1)]
     for place in range(1, LEADERS_SEEN + 1):
         columns += [ahead[:, place], v[:, place], v[:, place] - v[:, place - 1], a[:, place], gap[:, place - 1]]
-    row, slowest = np.arange(len(v)), np.nanargmin(v, axis=1)
+    # the nearest of those that are about as slow: which of several that stand is the slowest hangs on rounding errors
+    row, slowest = np.arange(len(v)), np.nanargmin(np.round(v / ALIKE), axis=1)
     history = np.where(platoons.valid, platoons.v, -np.inf).max(axis=(1, 2))
     head = np.maximum(platoons.depth, 1)
     columns += [
