@@ -76,7 +76,7 @@ def replacing_damaged_programs() -> Iterator[None]:
 def _index_of_numba(error: Exception) -> Path | None:
     """Returns the file that numba could not read its programs by, if the error is of that."""
     for frame, _ in traceback.walk_tb(error.__traceback__):
-        cache = frame.f_locals.get("self")
+        cache: Any = frame.f_locals.get("self")
         if frame.f_code.co_filename.endswith(NUMBA_CACHE) and hasattr(cache, "_index_path"):
             return Path(cache._index_path)
     return None
