@@ -36,6 +36,10 @@ class Inside:
             with error:
                 return error.code, dict(error.headers), _read(error.read())
 
+    def forget_buckets(self) -> None:
+        """Lets the service count anew how many frames a second come by POST."""
+        self.app.state.buckets.clear()
+
     def ask_quietly(self, path: str) -> int:
         """Returns the status of an answer, 0 where there is none."""
         try:
@@ -78,6 +82,7 @@ def serving(
     app = application(service, guard=guard or address.guard)
     listening = _listen(address)
     inside = Inside(service, listening.getsockname()[1])
+    inside.app = app
     server = _server(app, replace(address, token=guard.token if guard else None))
     started = threading.Event()
 

@@ -23,8 +23,9 @@ class Connections(H11Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Takes a connection, or closes it."""
         super().connection_made(cast(asyncio.Transport, transport))
-        mine = _address(self)
-        same = [_address(one) for one in self.connections].count(mine)
+        mine = self.client[0] if self.client else None
+        clients = [getattr(one, "client", None) for one in self.connections]
+        same = sum(1 for client in clients if client and client[0] == mine)
         if len(self.connections) > MOST or same > MOST_OF_ONE:
             self.transport.abort()
             return
@@ -74,11 +75,6 @@ class WebSockets(WebSocketsSansIOProtocol):
         self.transport.write(b"".join(self.conn.data_to_send()))
         self.transport.close()
         self.loop.call_later(FAREWELL, self.transport.abort)
-
-
-def _address(connection: object) -> str:
-    client = getattr(connection, "client", None)
-    return str(client[0]) if client else ""
 
 
 def _bound_buffer(transport: asyncio.Transport) -> None:

@@ -88,8 +88,11 @@ class Bucket:
 
     rate: float = RATE
     burst: float = BURST
-    _left: float = BURST
+    _left: float = field(init=False)
     _then: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        self._left = self.burst
 
     def takes(self) -> bool:
         """Returns whether one more may come now."""

@@ -18,7 +18,7 @@ from rampcast.live.newest import Newest, shared_memory
 from rampcast.live.work import SIZE, Answer, Work
 
 LONGEST: Final = 32 << 20  # bytes of an answer
-HANGS: Final = 20.0  # [s] without an answer, with something to forecast, after which the process is ended
+HANGS: Final = 120.0  # [s] without an answer, after which the process is ended: it may be compiling
 FIRST: Final = 180.0  # [s] until it is ready, at most: compiling anew takes a minute
 AGAIN: Final = (0.0, 1.0, 5.0, 15.0)  # [s] until it is started anew, longer with each start that came to nothing
 

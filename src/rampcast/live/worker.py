@@ -5,11 +5,11 @@ socket over which it is told that there is something new, and over which it answ
 """
 
 import os
-import select
 import socket
 import sys
 import time
 from pathlib import Path
+from select import select as wait_for
 from typing import Any, Final
 
 import msgspec
@@ -25,7 +25,7 @@ from rampcast.live.work import SIZE, Answer, Work, WorkerSite
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE, site_from_dict
 from rampcast.threads import choosing_threads
-from rampcast.traffic.moments import Rows
+from rampcast.traffic.moments import Rows, select
 
 POLITE: Final = 5  # by which it gives way to the process that takes frames in and serves viewers
 
@@ -59,7 +59,7 @@ def _forecast_for_ever(line: socket.socket, newest: Newest, ticks: list[Tick]) -
         now = time.monotonic()
         due = [place for place in waiting if again[place] <= now]
         pause = None if not waiting else max(min(again[place] for place in waiting) - now, 0.0)
-        if select.select([line], [], [], 0.0 if due else pause)[0] and not line.recv(4096):
+        if wait_for([line], [], [], 0.0 if due else pause)[0] and not line.recv(4096):
             return
         for place in due:
             found = newest.read(place)
@@ -82,9 +82,15 @@ def _forecast(place: int, tick: Tick, snapshot: Snapshot, note: dict[str, Any]) 
 
 
 def warm(tick: Tick) -> None:
-    """Forecasts made-up traffic, so that the first real forecast waits for no compiler."""
+    """Forecasts made-up traffic of every sort, so that no real forecast waits for the compiler.
+
+    It compiles anew where arrays are of another layout, as they are of a vehicle alone.
+    """
     note = {"seq": 0, "epoch": -1, "t_obs_ms": 0.0, "t_in_ms": 1e3 * time.time(), "v": VERSION}
-    tick.forecast(_made_up(tick.site), note)
+    whole = _made_up(tick.site)
+    for there in ((1, 2, 3), (1,), (2,), (2, 3)):
+        rows = select(whole.rows, np.flatnonzero(np.isin(whole.rows.vehicle, there)))
+        tick.forecast(Snapshot(rows, whole.t0, {}), note)
 
 
 def _made_up(site: Site) -> Snapshot:
