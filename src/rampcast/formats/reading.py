@@ -104,7 +104,9 @@ def _read(
     heads: Sequence[Head], site: Site | None, format: str | None, mapping: Path | None, bad_rows: BadRows
 ) -> tuple[Recordings, ReadReport]:
     if mapping is None:
-        return _cut(*format_of(heads, format).read(heads, site, bad_rows))
+        entry = format_of(heads, format)
+        found = entry.read(heads, site, bad_rows)
+        return found if entry.convert is not None else _cut(*found)  # part by part nobody sees a track as a whole
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
     return _cut(*read_mapped(heads, load_mapping(mapping), site, bad_rows))

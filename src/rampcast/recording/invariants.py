@@ -23,7 +23,7 @@ from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED
 BESIDE = 500.0  # [m] and half the section before and behind it: the originals of NGSIM go 9 % beyond
 ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
 LENGTHS = (1.0, 30.0)  # [m] a moped is 1.7 m long, the longest road trains in Europe 25.25 m
-CAR_LENGTHS = (3.0, 7.0)  # [m] of the median car; the doctor is stricter
+CAR_LENGTHS = (2.5, 9.0)  # [m] of the median car; feet taken for metres are 13 and more; the doctor is stricter
 LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two recordings
 LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
 BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began drives upstream
