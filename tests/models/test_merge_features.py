@@ -58,3 +58,12 @@ def test_the_traffic_around_is_told_by_how_much_faster_it_is_and_where_nothing_i
     assert np.isnan(unknown[:, -count:]).all()
     np.testing.assert_array_equal(told[:, :-count], unknown[:, :-count])
     np.testing.assert_allclose(told[:, -count:], speeds.ravel() - platoons.v[:, :1, -1])
+
+
+def test_which_of_several_standing_vehicles_is_the_slowest_hangs_on_no_rounding_error():
+    platoons = drive(50, seed=1).platoons
+    standing = replace(platoons, v=np.where(np.isnan(platoons.v), np.nan, 0.0))
+    noise = 1e-12 * np.random.default_rng(1).standard_normal(platoons.v.shape)
+    np.testing.assert_allclose(
+        platoon_table(replace(standing, v=standing.v + noise)), platoon_table(standing), atol=1e-10
+    )
