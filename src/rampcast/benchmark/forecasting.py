@@ -12,6 +12,8 @@ from rampcast.benchmark.merges import MergeFit, MergeForecasts, MergePredict
 from rampcast.benchmark.models import ORACLE, Fit, Forecasts, Predict, Training, oracle, with_bands
 from rampcast.benchmark.splits import folds
 from rampcast.forecasters import FORECASTERS
+from rampcast.models.folds import Fold
+from rampcast.threads import in_threads
 from rampcast.traffic.around import joined
 
 FOLDS = 2  # of the forecasts by which the thresholds of models are chosen that know their training cases by heart
@@ -33,7 +35,7 @@ def forecast_parts(parts: Sequence[Part], *, models: Mapping[str, Fit]) -> dict[
     The bands of a model that gives none are the quantiles of its errors on the training cases; of several parts, those
     of its errors in the other parts, which are of models that had not seen these cases.
     """
-    asked = [_predictors(training, models) for training, _ in parts]
+    asked = in_threads(lambda part: _predictors(part[0], models), parts)
     forecasts = {}
     for name in (*models, ORACLE):
         found = [predict[name](test) for predict, (_, test) in zip(asked, parts, strict=True)]
@@ -60,7 +62,7 @@ def forecast_merge_parts(
     forecasts, limits = {}, {}
     tests = [test for _, test in parts]
     for name, fit in models.items():
-        asked = [fit(training) for training, _ in parts]
+        asked = in_threads(fit, [training for training, _ in parts])
         found = [predict(test.scenes, test.since_entry) for predict, test in zip(asked, tests, strict=True)]
         forecasts[name] = joined(found)
         if len(parts) == 1:
@@ -116,9 +118,12 @@ def _for_thresholds(training: Training, fit: MergeFit | None, predict: MergePred
     if fit is None:
         cases = cases.select(np.arange(0, len(cases), -(-len(cases) // MOST_FOR_THRESHOLDS)))
         return cases, predict(cases.scenes, cases.since_entry)
-    pieces = []
-    for train, test in folds(cases, min(FOLDS, len(set(cases.group.tolist())))):
+
+    def out_of_fold(fold: Fold) -> tuple[Cases, MergeForecasts]:
+        train, test = fold
         tests = cases.select(test)
         model = fit(Training(cases.select(train))) if len(train) else predict
-        pieces.append((tests, model(tests.scenes, tests.since_entry)))
+        return tests, model(tests.scenes, tests.since_entry)
+
+    pieces = in_threads(out_of_fold, folds(cases, min(FOLDS, len(set(cases.group.tolist())))))
     return joined([piece for piece, _ in pieces]), joined([forecast for _, forecast in pieces])
