@@ -22,8 +22,9 @@ HEAD = """# Command line
 <!-- Made by docs/scripts/cli_reference.py from the commands themselves: change those, then run it. -->
 
 Every command explains itself: `rampcast COMMAND --help`. Results go to standard output, progress and errors to standard
-error; a mistake of the user is one message and exit code 2. Recordings are given in any form that rampcast
-[reads](formats.md); a raw one is smoothed first.
+error. `rampcast --version`, `-h`, `--quiet` (no progress, no notes) and `--verbose` stand before the command. Exit
+codes: 0 done; 1 a check found what would spoil a forecast; 2 a mistake to mend, told in one message; 130 stopped by
+Ctrl-C. Recordings are given in any form that rampcast [reads](formats.md); a raw one is smoothed first.
 """
 
 

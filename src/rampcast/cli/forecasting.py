@@ -18,6 +18,7 @@ from rampcast.cli.options import (
     FormatName,
     MappingFile,
     ModelFolder,
+    NoReport,
     OutFolder,
     RecordingFile,
     Seed,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from rampcast.forecast.forecaster import Forecaster
     from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
     from rampcast.paper.framework import PaperSpec
+    from rampcast.recording import Recording
 
 
 @app.command(
@@ -132,21 +134,37 @@ def forecast(
     skip_bad_rows: SkipBadRows = False,
     accept_doubtful: AcceptDoubtful = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
+    no_report: NoReport = False,
     recording: Annotated[list[Path] | None, typer.Option("--recording", hidden=True)] = None,
 ) -> None:
     """Forecasts all vehicles at regular moments: where they will be, when and into which gap they will merge.
 
-    Writes forecast.parquet and lane_change.parquet; the paper's framework no gap.parquet and conflicts.parquet.
+    Writes report.html with slides and numbers (docs/report.md), forecast.parquet and lane_change.parquet; the paper's
+    framework no report, gap.parquet and conflicts.parquet.
     The columns: docs/forecast_files.md.
     """
     from rampcast.forecast.parts import write_forecasts
 
+    kept: list[Recording] = []
     forecaster, reading = trained_model(model), Reading(site, format, mapping, skip_bad_rows, accept_doubtful)
     with terminal.progress() as tell:
-        parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell)
+        parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell, kept)
         written = write_forecasts(parts, out, suffixes=(".parquet", ".csv") if csv else (".parquet",))
     for path, rows in written.items():
         terminal.say(f"wrote {path}: {rows:,} rows")
+    if not no_report:
+        say_report(kept, out, "the pretrained model" if model is None else f"the model {model}")
+
+
+def say_report(recordings: "list[Recording]", out: Path, model: str) -> None:
+    """Writes the report on forecasts and says where it is; nothing of models that forecast no bands."""
+    from rampcast import __version__
+    from rampcast.report import report_on
+
+    with terminal.progress("look at what came, and write the report"):
+        page = report_on(recordings, out, model=model, version=__version__)
+    if page is not None:
+        terminal.say(f"wrote {page}: look at it first; its pictures are slides beside it")
 
 
 def trained_model(folder: Path | None) -> "RecordingForecaster":
@@ -161,9 +179,10 @@ def trained_model(folder: Path | None) -> "RecordingForecaster":
 
 
 def forecast_files(
-    forecaster: "RecordingForecaster", files: list[Path], reading: Reading, every: float, tell: "Progress"
-) -> "Iterator[RecordingForecast]":
-    """Yields the parts of the forecasts of recordings, which are read one after the other.
+    forecaster: "RecordingForecaster", files: list[Path], reading: Reading, every: float, tell: "Progress",
+    kept: "list[Recording]",
+) -> "Iterator[RecordingForecast]":  # fmt: skip
+    """Yields the parts of the forecasts of recordings, which are read one after the other and added to `kept`.
 
     Raises:
         RampcastError: there is none, two have a window of the same name, or one cannot be read or forecast.
@@ -176,6 +195,7 @@ def forecast_files(
         if twice := [name for name in recording.names if name in read]:
             raise RampcastError(f"{file}: its window '{twice[0]}' is in {read[twice[0]]} too; forecast one of the two")
         read |= dict.fromkeys(recording.names, file)
+        kept.append(recording)
         parts, what = forecaster.in_parts(recording, every=every), f"forecast {', '.join(recording.names)}"
         tell(what, 0, parts.total)
         for done, part in enumerate(parts.each, start=1):

@@ -93,3 +93,4 @@ Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane g
 Start = Annotated[
     str, typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'.")
 ]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write tables alone, no report.html.")]

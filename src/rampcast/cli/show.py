@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 output = Console()
 messages = Console(stderr=True)
+notes = Console(stderr=True)  # what --quiet leaves out
 
 SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
 SHOWN_SKILLS = (3.0, 8.0)  # [s]
@@ -45,6 +46,11 @@ SHOWN_SKILLS = (3.0, 8.0)  # [s]
 def escape(text: str) -> str:
     """Returns a text as it is to be printed: a name in a file, or a server's answer, is not to move the cursor."""
     return without_markup(OBEYED.sub(lambda found: repr(found[0])[1:-1], text))
+
+
+def hush() -> None:
+    """Lets progress and notes go nowhere; results, warnings and errors are printed as ever."""
+    notes.quiet = True
 
 
 @contextmanager
@@ -57,7 +63,7 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=messages) as bars:
+    with Progress(*columns, console=notes) as bars:
         tasks: dict[str, TaskID] = {}
 
         def tell(what: str, done: int, total: int) -> None:
@@ -92,7 +98,7 @@ def complain(text: str) -> None:
 
 def note(text: str) -> None:
     """Prints something that the user may want to know while waiting."""
-    messages.print(escape(text), soft_wrap=True, highlight=False)
+    notes.print(escape(text), soft_wrap=True, highlight=False)
 
 
 def warn(text: str) -> None:

@@ -1,0 +1,6 @@
+"""`python -m rampcast`: the command line."""
+
+from rampcast.cli import main
+
+if __name__ == "__main__":
+    main()
