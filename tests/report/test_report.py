@@ -7,8 +7,9 @@ import polars as pl
 import pytest
 from matplotlib.image import imread
 
+from rampcast.errors import RampcastError
 from rampcast.recording import Recording, read_recording
-from rampcast.report import SLIDES, report_on
+from rampcast.report import SLIDES, report_on, write_picture
 from rampcast.report.measures import errors, merges, with_truth
 from rampcast.simulate import shipped_sample
 
@@ -71,3 +72,13 @@ def test_the_page_has_its_parts_and_slides_are_for_a_screen(recording, tmp_path)
     for slide in SLIDES:
         assert imread(tmp_path / slide).shape[:2] == (1080, 1920)
     assert pl.read_csv(tmp_path / "errors.csv").height > 15
+
+
+def test_a_picture_is_drawn_from_files_and_what_is_not_there_is_told(recording, tmp_path):
+    forecast_of(recording, 1.0).write_parquet(tmp_path / "forecast.parquet")
+    write_picture("fan", tmp_path / "forecast.parquet", recording, tmp_path / "fan.png", vehicle="213", t0=None)
+    assert imread(tmp_path / "fan.png").shape[:2] == (1080, 1920)
+    with pytest.raises(RampcastError, match="no forecast of vehicle 0 at"):
+        write_picture("fan", tmp_path / "forecast.parquet", recording, tmp_path / "x.png", vehicle="0", t0=None)
+    with pytest.raises(RampcastError, match="there is no such file"):
+        write_picture("trust", tmp_path / "x.parquet", recording, tmp_path / "x.png", vehicle=None, t0=None)

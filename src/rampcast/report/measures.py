@@ -17,6 +17,7 @@ CELL: Final = 50.0  # [m] of the road that conflicts are counted in
 SCENE: Final = ("recording", "vehicle", "t0")
 SOON: Final = 5.0  # [s] ahead, of conflicts
 BINS: Final = 5
+SAME_TIME: Final = 0.05  # [s]
 
 
 def with_truth(positions: pl.DataFrame, recording: Recording) -> pl.DataFrame:

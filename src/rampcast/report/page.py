@@ -12,7 +12,8 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from rampcast.doctor import Severity, examine
-from rampcast.files import write_outputs
+from rampcast.errors import RampcastError
+from rampcast.files import write_outputs, write_whole
 from rampcast.plots import style
 from rampcast.recording import Recording, concatenate
 from rampcast.recording import columns as c
@@ -50,6 +51,52 @@ def report_on(recordings: Sequence[Recording], folder: Path, *, model: str, vers
         return None
     recording = of_one[0] if len(of_one) == 1 else concatenate(of_one)
     return write_report(recording, tables, folder, model=model, version=version)
+
+
+def write_picture(
+    picture: str, forecast: Path, recording: Recording, out: Path, *, vehicle: str | None, t0: float | None
+) -> None:
+    """Writes one of the report's pictures as a png.
+
+    Args:
+        picture: "fan", "merges" or "trust".
+        forecast: the file forecast.parquet.
+        recording: that was forecast.
+        out: file to write.
+        vehicle: of a fan; None for a typical one.
+        t0: moment of a fan [s]; None for a typical one.
+
+    Raises:
+        RampcastError: the file is not there or none of the forecasts asked for.
+    """
+    if not forecast.is_file():
+        raise RampcastError(f"{forecast}: there is no such file; `rampcast forecast` writes forecast.parquet")
+    whole = pl.col("horizon").round(1) == pl.col("horizon").round(0)
+    positions = pl.scan_parquet(forecast).filter(whole & pl.col("x_q50").is_not_null()).collect()
+    asked = positions.filter(
+        pl.lit(True) if vehicle is None else pl.col("vehicle").cast(pl.String) == vehicle,
+        pl.lit(True) if t0 is None else (pl.col("t0") - t0).abs() < measures.SAME_TIME,
+    )
+    truth = measures.with_truth(asked if picture == "fan" else positions, recording)
+    if not truth.height:
+        raise RampcastError(
+            f"{forecast}: no forecast of vehicle {vehicle} at {t0} s (None: any) that was seen afterwards"
+        )
+    drawing = {
+        "fan": lambda figure: pictures.draw_fan(figure, *_typical(asked, truth), recording),
+        "merges": lambda figure: pictures.draw_merges(figure, measures.merges(recording), recording.site),
+        "trust": lambda figure: pictures.draw_trust(figure, measures.errors(truth)),
+    }
+    content = _drawn(drawing[picture])
+    with write_whole(out) as partial:
+        partial.write_bytes(content)
+
+
+def _typical(positions: pl.DataFrame, truth: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Returns the forecast of a typical scene and what came."""
+    scene = measures.typical_scene(truth) or truth.row(0, named=True)
+    of_it = [pl.col(name) == scene[name] for name in measures.SCENE]
+    return positions.filter(*of_it).sort("horizon"), truth.filter(*of_it)
 
 
 def write_report(recording: Recording, tables: dict[str, pl.DataFrame], out: Path, *, model: str, version: str) -> Path:
