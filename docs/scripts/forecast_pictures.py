@@ -132,6 +132,9 @@ def main() -> None:
     if chosen.benchmark:
         of_run = benchmark_pictures(read_benchmark(chosen.benchmark))
         pictures |= {name: of_run[name] for name in SAID if name in of_run}
+    chosen.images.mkdir(parents=True, exist_ok=True)
+    for name in pictures:  # those of earlier releases are in the repository, and are replaced
+        (chosen.images / f"{name}.png").unlink(missing_ok=True)
     for path in save_pictures(pictures, chosen.images, kinds=("png",)):
         print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
     text = page_text(pictures, rules)
