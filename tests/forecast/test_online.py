@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 import rampcast as rc
 from rampcast.errors import ModelError
+from rampcast.forecast import projection, roll_out_kernel
 from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import ForecasterSpec, fit, forecast_traffic, forecast_traffics
 from rampcast.forecast.recalibration import HORIZONS, LEVELS, STEPS, Recalibration
@@ -241,3 +242,16 @@ def test_moments_driven_together_are_forecast_as_one_by_one(forecaster, recordin
         assert found.vehicle.tolist() == alone.vehicle.tolist()
         np.testing.assert_array_equal(found.samples, alone.samples)
         np.testing.assert_array_equal(found.lane, alone.lane)
+
+
+def test_loops_are_compiled_once_whatever_the_number_of_vehicles():
+    online = rc.Online(rc.load("pretrained"), load_site("i80"))
+    loops = (roll_out_kernel.drive, projection.project, projection.shifts)
+    counts = []
+    for number, vehicles in enumerate((3, 1, 2)):
+        ids, place = np.arange(vehicles) + 10 * number, 60.0 + 10.0 * np.arange(vehicles)
+        for tenth in range(6):
+            frame = {"vehicle": ids, "x": place + tenth, "y": np.full(vehicles, -1.8), "lane": 6 + ids % 2}
+            online.push(20.0 * number + tenth / 10.0, frame)
+        counts.append([len(loop.signatures) for loop in loops])
+    assert counts[0] == counts[1] == counts[2]

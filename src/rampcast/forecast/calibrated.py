@@ -162,7 +162,7 @@ class Calibrated:
             wanted = wanted if scale is None else _spread(wanted, scale)
             wanted = np.maximum.accumulate(np.maximum(wanted, 0.0), axis=1) + start[rows, None, None]
             part = np.empty((len(rows), *x.shape[1:]), np.float32)
-            _in_shares(shifts, (x[rows], counts[rows], wanted, part))
+            _in_shares(shifts, (x[rows], counts[rows], np.ascontiguousarray(wanted), part))  # one layout, compiled once
             moves[rows] = part
         return moves
 

@@ -110,7 +110,7 @@ def begin(model: RollOut, situation: Situation) -> Beginning:
     for prior, some in ((model.main, ~merging), (model.ramp, merging)):
         weights[some] = posteriors(prior, situation, some)
         expected[some] = weights[some] @ prior.table
-    moment, x = situation.moment, situation.x[:, -1]
+    moment, x = situation.moment, np.ascontiguousarray(situation.x[:, -1])  # one layout: loops are compiled for each
     by_place = np.lexsort((x, moment))
     start = Start(
         first=situation.first,

@@ -49,7 +49,7 @@ def platoon_table(platoons: Platoons) -> Float[np.ndarray, "platoon feature"]:
         v[row, slowest],
         slowest.astype(float),
         ahead[row, slowest],
-        platoons.depth / ahead[row, head],
+        platoons.depth / np.maximum(ahead[row, head], 1.0),  # [1/m]; abreast there is no density
         history - v[row, slowest],
         (v[row, head] - v[:, 0]) / head,
     ]
