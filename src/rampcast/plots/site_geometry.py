@@ -45,7 +45,9 @@ def _mark_ramp(ax: Axes, site: Site, bottom: float, top: float) -> None:
     if not np.isnan(site.merge_zone[0]):
         _mark_merge_zone(ax, site.merge_zone, bottom, top)
     end_text = ("ramp lane goes on", "right") if site.ramp_goes_on else (f" ramp ends {site.ramp_end:.0f} m", "left")
-    for x, text, side in ((site.gore, f"gore {site.gore:.0f} m ", "right"), (end, *end_text)):
+    is_near = site.gore < 0.12 * site.length  # no room for its name on the left
+    gore_text = (f" gore {site.gore:.0f} m", "left") if is_near else (f"gore {site.gore:.0f} m ", "right")
+    for x, text, side in ((site.gore, *gore_text), (end, *end_text)):
         if x < site.length:
             ax.plot([x, x], [bottom, top], color=style.VERMILLION, linewidth=1.2, linestyle=(0, (1, 1.5)))
         ax.text(x, top + 0.02 * (top - bottom), text, fontsize=8, ha=side, va="bottom", color="#8A3B00")

@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter
 
 from rampcast.files import write_whole
 from rampcast.plots import style
@@ -34,6 +35,7 @@ COLORS = (style.GREEN, style.PURPLE, "#8A6A00", style.SKY, style.GREY, style.BLA
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 AROUND = 15.0  # [m] of tracks beside the lanes that are shown
 PAUSE = 1.0  # [s] a track that is lost for longer is not joined
+LARGE = 10_000.0  # [m] from the origin: a map's easting and northing
 BEYOND = 6.0  # [m] the marks of gore and ramp end reach so far beside the lanes in the plane
 
 
@@ -168,7 +170,17 @@ def _draw_plane(ax: Axes, site: Site, tracks: pl.DataFrame) -> None:
         _with_halo(text)
     _show_all(ax, np.concatenate([place, line.points]))
     ax.grid(visible=False)
-    ax.set(xlabel="x of the plane [m]", ylabel="y of the plane [m]")
+    _label_plane(ax, line.points)
+
+
+def _label_plane(ax: Axes, points: Float[np.ndarray, "point 2"]) -> None:
+    """Labels a plane; where places are those of a map, whole kilometres are said once, beside the axis."""
+    for name, axis, column in (("x", ax.xaxis, 0), ("y", ax.yaxis, 1)):
+        base = (
+            float(np.floor(points[:, column].min() / 1000) * 1000) if np.abs(points[:, column]).max() > LARGE else 0.0
+        )
+        axis.set_label_text(f"{name} of the plane{f' from {base:,.0f}' if base else ''} [m]")
+        axis.set_major_formatter(FuncFormatter(lambda value, _, base=base: f"{value - base:g}"))
 
 
 def _show_all(ax: Axes, points: Float[np.ndarray, "point 2"]) -> None:
