@@ -153,3 +153,12 @@ def test_the_memory_of_two_processes_holds_the_newest_snapshot():
 def test_a_message_that_is_no_frame_is_answered_with_a_sentence(message):
     with pytest.raises(FrameError, match=r"\w+"):
         frame_of(message)
+
+
+def test_rows_that_no_vehicle_of_the_site_can_have_are_left_out_and_counted():
+    station = Station("a", SITE)
+    places = {1: (50.0, -1.8, 4.5), 2: (9_000.0, -1.8, 4.5), 3: (60.0, 900.0, 4.5), 4: (70.0, -1.8, 40.0)}
+    objects = [Seen(id=name, x=x, y=y, length=length) for name, (x, y, length) in places.items()]
+    taken = station.take(Frame(v=1, t_ms=1_000, objects=objects))
+    assert taken.rows == 1
+    assert station.status()["frames"]["doubtful_rows"] == 3

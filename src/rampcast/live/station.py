@@ -16,6 +16,7 @@ from rampcast.live.messages import Encoded, encoded, head, kind_name, known
 from rampcast.live.tracks import TrackStore, kind_of
 from rampcast.live.viewers import Viewers
 from rampcast.live.work import Answer
+from rampcast.recording.frame_door import frame_door
 from rampcast.roads.project import lanes_at
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
@@ -55,6 +56,7 @@ class Station:
     alarms_published: int = 0  # number of the last one that a broker has
     seq: int = 0
     lost_frames: int = 0
+    doubtful_rows: int = 0  # left out: places and lengths that no vehicle of the site has
     forecasts: int = 0
     failures: int = 0
     heard: float | None = None  # [s] monotonic, of the last frame
@@ -86,7 +88,7 @@ class Station:
             return Taken(verdict, 0, self.clock.epoch)
         if verdict is Verdict.JUMPED:
             self.store.clear()
-        fresh = self.store.add(frame.t_ms / 1e3, arrays)
+        fresh = self.store.add(frame.t_ms / 1e3, self._believable(arrays))
         if fresh or not frame.objects:
             self.seq += 1
         return Taken(verdict, fresh, self.clock.epoch)
@@ -134,6 +136,7 @@ class Station:
         """Returns the message that tells how the service is."""
         counts = {str(verdict): count for verdict, count in self.clock.counts.items()}
         counts |= {"lost": self.lost_frames, "repeated_rows": self.store.repeated, "id_reuses": self.store.restarted}
+        counts["doubtful_rows"] = self.doubtful_rows
         return head(
             "status",
             self.name,
@@ -150,6 +153,14 @@ class Station:
             **(self.told_by_source() if self.told_by_source else {}),
             **more,
         )
+
+    def _believable(self, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Returns the rows that can be of this site; those that cannot, and would spoil forecasts, are counted."""
+        found = frame_door(
+            self.site, arrays["vehicle"].tolist(), arrays["x"], arrays["y"], length=arrays["length"]
+        ).is_believable
+        self.doubtful_rows += int((~found).sum())
+        return {name: values[found] for name, values in arrays.items()}
 
     def _count_lost(self, seq: int | None) -> None:
         """Counts the numbers that are missing between the frames of one source."""
