@@ -164,7 +164,8 @@ def say_report(recordings: "list[Recording]", out: Path, model: str) -> None:
     with terminal.progress("look at what came, and write the report"):
         page = report_on(recordings, out, model=model, version=__version__)
     if page is not None:
-        terminal.say(f"wrote {page}: look at it first; its pictures are slides beside it")
+        of = ", ".join(name for one in recordings for name in one.names)
+        terminal.say(f"wrote {page} on {of}: look at it first; its pictures are slides beside it")
 
 
 def trained_model(folder: Path | None) -> "RecordingForecaster":
@@ -182,7 +183,7 @@ def forecast_files(
     forecaster: "RecordingForecaster", files: list[Path], reading: Reading, every: float, tell: "Progress",
     kept: "list[Recording]",
 ) -> "Iterator[RecordingForecast]":  # fmt: skip
-    """Yields the parts of the forecasts of recordings, which are read one after the other and added to `kept`.
+    """Yields the parts of the forecasts of recordings, read one after the other; the first is added to `kept`.
 
     Raises:
         RampcastError: there is none, two have a window of the same name, or one cannot be read or forecast.
@@ -195,7 +196,8 @@ def forecast_files(
         if twice := [name for name in recording.names if name in read]:
             raise RampcastError(f"{file}: its window '{twice[0]}' is in {read[twice[0]]} too; forecast one of the two")
         read |= dict.fromkeys(recording.names, file)
-        kept.append(recording)
+        if not kept:
+            kept.append(recording)
         parts, what = forecaster.in_parts(recording, every=every), f"forecast {', '.join(recording.names)}"
         tell(what, 0, parts.total)
         for done, part in enumerate(parts.each, start=1):
