@@ -85,6 +85,7 @@ class Service:
     def stop(self) -> None:
         self.process.terminate()
         self.process.wait(20)
+        self.process.stderr.close()
 
 
 @dataclass

@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 from PIL import Image
 
+import rampcast as rc
 from rampcast.cli.reading import Reading
 from rampcast.cli.view import found_recording
 from rampcast.errors import MissingExtra, RampcastError
@@ -89,13 +90,6 @@ def test_a_cut_says_which_moments_are_drawn():
             Cut(**wrong)
 
 
-class AnySite:
-    """A forecaster that may forecast any site, and is never asked to."""
-
-    def check(self, site: object) -> None:
-        pass
-
-
 @pytest.mark.parametrize(
     ("name", "asked", "window", "message"),
     [
@@ -107,7 +101,7 @@ class AnySite:
 )
 def test_a_film_that_cannot_be_is_refused_before_a_forecast(recording, tmp_path, name, asked, window, message):
     with pytest.raises(RampcastError, match=message):
-        film_recording(recording, tmp_path / name, AnySite(), cut=Cut(**asked), window=window)
+        film_recording(recording, tmp_path / name, rc.load("pretrained"), cut=Cut(**asked), window=window)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -139,7 +140,10 @@ def test_no_scheduler_is_told(folder, tmp_path):
         batch(plan_of_files([folder / "window1.parquet"], tmp_path), scheduler="nonsense://there")
 
 
-def test_a_doubtful_file_fails_with_the_reason(folder, tmp_path):
-    plan = plan_of_files([folder / "window1.parquet"], tmp_path, do=["convert"])
-    assert "median length of cars" in run_task(Task(plan.files[0], plan))["error"]
-    assert not (tmp_path / "recordings").exists()
+def test_a_doubtful_file_fails_with_the_reason(tmp_path):
+    made = random_traffic(1, vehicles=6, seconds=24.0, name="i80-1")
+    file = tmp_path / "hurry.parquet"
+    write_recording(replace(made, tracks=made.tracks.with_columns(x=pl.col("x") * 20.0)), file)
+    plan = plan_of_files([file], tmp_path / "out", do=["convert"])
+    assert "is refused, since the recording is not as roads and vehicles are" in run_task(Task(file, plan))["error"]
+    assert not (tmp_path / "out" / "recordings").exists()

@@ -6,7 +6,8 @@ group `rampcast.formats`, which names a `Format` (docs/adding_a_format.md).
 
 import warnings
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
+from typing import Any
 
 from rampcast.errors import FormatError
 from rampcast.file_values import close_name
@@ -73,12 +74,15 @@ def all_formats() -> Iterator[Format]:
             warnings.warn(str(error), stacklevel=2)
 
 
-def _entry_points() -> list[EntryPoint]:
-    """Returns what other packages add, in the order of names; rampcast's own formats cannot be replaced."""
+def _entry_points() -> list[Any]:
+    """Returns what other packages add, in the order of names; rampcast's own formats cannot be replaced.
+
+    They are of importlib.metadata's class, or, where the package importlib-metadata is installed, of its own.
+    """
     return sorted((one for one in entry_points(group=GROUP) if one.name not in FORMATS), key=lambda one: one.name)
 
 
-def _loaded(point: EntryPoint) -> Format:
+def _loaded(point: Any) -> Format:
     package = f"{point.dist.name} {point.dist.version}" if point.dist else "a package"
     where = f"format '{point.name}' of the package {package} ({point.value})"
     try:
