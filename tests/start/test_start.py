@@ -7,6 +7,7 @@ import pytest
 from rampcast.errors import RampcastError
 from rampcast.formats import read_any
 from rampcast.start import Answers, StartError, proposed, start
+from rampcast.start.names import NAMES
 from tests.start.strangers import ASKED, TABLES, traffic, write
 
 
@@ -58,3 +59,16 @@ def test_what_is_not_told_is_asked_with_the_option_that_answers_it(tmp_path):
     (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n", encoding="utf-8")
     with pytest.raises(RampcastError, match="id of the vehicle"):
         proposed([tmp_path / "odd.csv"])
+
+
+def test_a_table_without_rows_is_told_so(tmp_path):
+    empty = tmp_path / "empty.csv"
+    empty.write_text("time,id,x,y\n")
+    with pytest.raises(RampcastError, match="a header but no rows"):
+        start([empty], tmp_path / "out")
+
+
+@pytest.mark.parametrize(("x", "y"), [("utm_easting", "utm_northing"), ("UTM_E", "UTM_N"), ("easting", "northing")])
+def test_columns_of_a_map_are_told_by_their_names(x, y):
+    assert x.lower().replace("_", "") in NAMES["x"].split()
+    assert y.lower().replace("_", "") in NAMES["y"].split()

@@ -19,11 +19,11 @@ NAMES: Final[Mapping[str, str]] = {
     "time": "timestamp datetime globaltime gpstime utctime unixtime time epoch utc ts t zeitstempel zeit clock date",
     "latitude": "latitude gpslat lat positionlat",
     "longitude": "longitude gpslon lon lng long positionlon",
-    "x": "x xcenter centerx xcentre centrex posx positionx xpos xposition utmx xutm utme easting east rechtswert cx xc"
-    " frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad longitudinal s distance"
+    "x": "x xcenter centerx xcentre centrex posx positionx xpos xposition utmx xutm utme utmeasting easting east"
+    " rechtswert cx xc frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad longitudinal s distance"
     " dist position pos",
-    "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn northing north hochwert cy yc"
-    " fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset lateralposition across offset d",
+    "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn utmnorthing northing north"
+    " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset lateralposition across offset d",
     "speed": "speed v velocity vel geschwindigkeit sog vehiclespeed gpsspeed speedoverground totalspeed",
     "acceleration": "acceleration accel acc a longacc lonacc lonacceleration longitudinalacceleration beschleunigung",
     "heading": "heading hdg yaw psi course cog bearing azimuth orientation angle direction theta kurs",
