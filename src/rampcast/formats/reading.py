@@ -232,6 +232,7 @@ def _told_by_content(head: Head) -> Format:
     nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
     tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
     raise FormatError(
-        f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, `rampcast start` finds "
-        f"out what is in it, or describe it with --mapping; --format says which it is.\nTried, the nearest first: {tried}"
+        f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, `rampcast start` "
+        "finds out what is in it, or describe it with --mapping; --format says which it is.\n"
+        f"Tried, the nearest first: {tried}"
     )

@@ -20,10 +20,11 @@ NAMES: Final[Mapping[str, str]] = {
     "latitude": "latitude gpslat lat positionlat",
     "longitude": "longitude gpslon lon lng long positionlon",
     "x": "x xcenter centerx xcentre centrex posx positionx xpos xposition utmx xutm utme utmeasting easting east"
-    " rechtswert cx xc frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad longitudinal s distance"
-    " dist position pos",
+    " rechtswert cx xc frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad longitudinal s"
+    " distance dist position pos",
     "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn utmnorthing northing north"
-    " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset lateralposition across offset d",
+    " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset"
+    " lateralposition across offset d",
     "speed": "speed v velocity vel geschwindigkeit sog vehiclespeed gpsspeed speedoverground totalspeed",
     "acceleration": "acceleration accel acc a longacc lonacc lonacceleration longitudinalacceleration beschleunigung",
     "heading": "heading hdg yaw psi course cog bearing azimuth orientation angle direction theta kurs",

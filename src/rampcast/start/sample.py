@@ -52,7 +52,8 @@ def sample_of_head(head: Head) -> Sample:
     comma = has_decimal_commas(head)
     table = pl.read_csv(
         io.BytesIO(text), separator=head.header.separator, skip_lines=head.header.lines, has_header=False,
-        new_columns=[*head.header.names], infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy", raise_if_empty=False,
+        new_columns=[*head.header.names], infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
+        raise_if_empty=False,
     )  # fmt: skip
     if not table.height:
         raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
