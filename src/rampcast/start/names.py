@@ -20,8 +20,8 @@ NAMES: Final[Mapping[str, str]] = {
     "latitude": "latitude gpslat lat positionlat",
     "longitude": "longitude gpslon lon lng long positionlon",
     "x": "x xcenter centerx xcentre centrex posx positionx xpos xposition utmx xutm utme utmeasting easting east"
-    " rechtswert cx xc frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad longitudinal s"
-    " distance dist position pos",
+    " rechtswert cx xc frontx xfront rearx xrear worldx xworld localx xlocal station chainage along alongroad"
+    " longitudinal s distance dist position pos",
     "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn utmnorthing northing north"
     " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset"
     " lateralposition across offset d",
