@@ -10,17 +10,17 @@ import numpy as np
 STEPS: Final = ((None, 0.0), (50, 0.0), (25, 0.0), (25, 0.5), (25, 1.0))
 TOLD: Final = (None, "50 samples", "25 samples", "25 samples, 2 forecasts a second", "25 samples, 1 forecast a second")
 LATE: Final = 0.15  # [s] of age at which a forecast is published too late
-EARLY: Final = 0.4  # share of that below which there is time for more
+EARLY: Final = 0.7  # share of that below which there is time for more
 LOOK: Final = 20  # forecasts over which ages are looked at
-PATIENCE: Final = 100  # forecasts in a row that have to be early before more is done again
+PATIENCE: Final = 30  # forecasts in a row that have to be early before more is done again
 
 
 @dataclass
 class Degrading:
     """How much is left out now.
 
-    Half of the last forecasts published over 150 ms after their frame came in: a step down. All of the last hundred
-    under 60 ms: a step up.
+    Half of the last forecasts published over 150 ms after their frame came in: a step down. All of the last thirty
+    under 105 ms: a step up.
 
     Attributes:
         step: place in `STEPS`.
