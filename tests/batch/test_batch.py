@@ -11,6 +11,7 @@ import pytest
 
 from rampcast.batch import batch, plan_of_files, read_plan
 from rampcast.batch import running as running_module
+from rampcast.batch import task as task_module
 from rampcast.batch.task import Task, run_task
 from rampcast.errors import RampcastError
 from rampcast.recording.recording import write_recording
@@ -147,3 +148,17 @@ def test_a_doubtful_file_fails_with_the_reason(tmp_path):
     plan = plan_of_files([file], tmp_path / "out", do=["convert"])
     assert "is refused, since the recording is not as roads and vehicles are" in run_task(Task(file, plan))["error"]
     assert not (tmp_path / "out" / "recordings").exists()
+
+
+def test_a_damaged_record_is_none_and_the_pretrained_model_counts_by_its_content(folder, tmp_path, monkeypatch):
+    plan = plan_of_files([folder / "window1.parquet"], tmp_path, do=["doctor"])
+    task = Task(plan.files[0], plan)
+    before = task.key()
+    for damage in ("[1, 2]", "{", "{}"):
+        task.record.parent.mkdir(exist_ok=True)
+        task.record.write_text(damage)
+        assert run_task(task)["error"] is None
+        assert json.loads(task.record.read_text())["key"] == before
+    (tmp_path / "model.json").write_text("another")
+    monkeypatch.setattr(task_module, "PRETRAINED_FOLDER", tmp_path)
+    assert task.key() != before

@@ -17,7 +17,7 @@ from rampcast.batch.scores import scores_of
 from rampcast.errors import RampcastError
 from rampcast.files import sha256_of, write_whole
 from rampcast.forecast.parts import write_forecasts
-from rampcast.forecast.storage import load
+from rampcast.forecast.storage import PRETRAINED, PRETRAINED_FOLDER, load
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.invariants import check_believable
@@ -65,7 +65,7 @@ def run_task(task: Task) -> dict[str, Any]:
     """
     try:
         key = task.key()
-        if (before := _record(task)) is not None and before["key"] == key and _all_there(task, before):
+        if (before := _record(task)) is not None and before.get("key") == key and _all_there(task, before):
             return before
         with choosing_threads(1):
             found: dict[str, Any] = {"key": key, "error": None, "roads": _roads(task)}
@@ -143,7 +143,7 @@ def _day(recording: Recording) -> str:
 def _record(task: Task) -> dict[str, Any] | None:
     try:
         return dict(json.loads(task.record.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (OSError, ValueError, TypeError):  # none yet, or a damaged one: the task is done again
         return None
 
 
@@ -152,7 +152,9 @@ def _all_there(task: Task, record: Mapping[str, Any]) -> bool:
 
 
 def _files_of(given: str | None) -> list[Path]:
-    """Returns the files that a value of the plan names; none for a name that ships with rampcast."""
+    """Returns the files that a value of the plan names; none for a site that ships with rampcast."""
+    if given == PRETRAINED:
+        given = str(PRETRAINED_FOLDER)
     if given is None or not Path(given).exists():
         return []
     path = Path(given)

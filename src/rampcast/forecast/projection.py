@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import uniform_filter1d
 
+from rampcast.forecast.roll_out_arrays import NOBODY
 from rampcast.forecast.roll_out_kernel import FAST, sorted_by_place
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS, LEVELS
@@ -24,7 +25,6 @@ SAME = 0.02  # [m] by which samples are drawn apart that lie in one place, as th
 ROUNDING = 1e-9  # a weight below this is none
 SMOOTHING = 5  # steps over which moves are averaged: what a hundred samples' quantiles jump by is no acceleration
 STRONGEST = 5.0  # [m/s^2] that a car accelerates with at most
-NOBODY = -1
 
 
 def _over_time() -> Float[np.ndarray, "step knot"]:

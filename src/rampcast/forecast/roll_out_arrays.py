@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-NOBODY = -1
+from rampcast.traffic.situation import NOBODY
+
+__all__ = ["NOBODY", "Draws", "Law", "Start"]
 
 
 class Start(NamedTuple):
