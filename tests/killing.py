@@ -50,10 +50,25 @@ def forecast(out: Path) -> None:
     run("forecast", TRAFFIC, ACCEPT, "--model", FORM_FOLDER / "rampcast", "--every", 4, "--out", out, "--csv")
 
 
+PAPER = ("--report", "paper")
+
+
 def evaluate(out: Path) -> None:
     model = replace(load(FORM_FOLDER / "rampcast"), trained_on=("others",), window_hashes=())
     with patch("rampcast.forecast.storage.load", lambda _: model):
-        run("evaluate", ACCEPT, "--model", FORM_FOLDER / "rampcast", "--recording", TRAFFIC, "--every", 4, "--out", out)
+        run(
+            "evaluate",
+            ACCEPT,
+            "--model",
+            FORM_FOLDER / "rampcast",
+            "--recording",
+            TRAFFIC,
+            "--every",
+            4,
+            "--out",
+            out,
+            *PAPER,
+        )
 
 
 def train(out: Path) -> None:

@@ -1,7 +1,7 @@
 """Puts the demo's measured errors into README.md and docs/choosing_a_model.md, between their markers.
 
 make demo
-.venv/bin/python docs/scripts/demo_table.py out/demo
+.venv/bin/python docs/scripts/demo_table.py out/demo/paper
 """
 
 import json

@@ -1,7 +1,7 @@
 """Draws docs/images/forecast.png: a typical forecast of a simulated vehicle, with the model that the demo trained.
 
     make demo
-    .venv/bin/python docs/scripts/readme_picture.py out/demo/models
+    .venv/bin/python docs/scripts/readme_picture.py out/demo/paper/models
 
 Typical means: of the scenes of simulated window 2 whose vehicle changes lane 1 to 15 s later and is seen for 15 s, the
 one whose error after 15 s is the median.

@@ -99,10 +99,14 @@ def test_two_windows_of_one_name_are_refused_before_anything_is_written(model, f
 
 
 @pytest.mark.slow
-def test_evaluate_writes_tables_and_a_report(model, files, tmp_path):
-    shown = rampcast("evaluate", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path).stdout
-    assert "mean absolute position error" in shown
-    assert (tmp_path / "report.html").stat().st_size > 10_000
+def test_evaluate_writes_a_report_on_the_ramp_or_the_papers(model, files, tmp_path):
+    one = ("evaluate", "--model", model, "--recording", files[1], "--every", 5, "--out", tmp_path)
+    shown = rampcast(*one).stdout
+    assert "90 % band" in shown
+    assert "How far to trust it" in (tmp_path / "report.html").read_text()
+    assert {"mean_error", "crps", "inside_90"} <= set(pl.read_csv(tmp_path / "errors.csv").columns)
+    assert "mean absolute position error" in rampcast(*one, "--report", "paper").stdout
+    assert "The paper's statements" in (tmp_path / "report.html").read_text()
     assert pl.read_csv(tmp_path / "tables" / "longitudinal.csv").height > 15
     assert json.loads((tmp_path / "run.json").read_text())["trained_on"] == ["i80-1"]
 

@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from rampcast.errors import RampcastError
 from rampcast.recording import Recording, read_recording
-from rampcast.report import SLIDES, report_on, write_picture
+from rampcast.report import SLIDES, About, report_on, write_picture
 from rampcast.report.measures import errors, merges, with_truth
 from rampcast.simulate import shipped_sample
 
@@ -65,10 +65,12 @@ def test_the_page_has_its_parts_and_slides_are_for_a_screen(recording, tmp_path)
     chances = forecast.filter(pl.col("lane").is_in(list(recording.site.ramp_lanes)))
     chances = chances.select("recording", "vehicle", "t0", t="horizon", p_within=pl.col("horizon") / 15)
     chances.write_parquet(tmp_path / "lane_change.parquet")
-    page = report_on([recording], tmp_path, model="made up", version="1")
+    page = report_on([recording], tmp_path, About("made up", False, "1", {"Other": "x/y.html"}))
     text = page.read_text(encoding="utf-8")
     for head in ("What was recorded", "A typical forecast", "Merging", "How far to trust it", "did it come?", "limits"):
         assert head in text
+    assert '<a href="x/y.html">Other</a>' in text
+    assert "rampcast train" in text
     for slide in SLIDES:
         assert imread(tmp_path / slide).shape[:2] == (1080, 1920)
     assert pl.read_csv(tmp_path / "errors.csv").height > 15

@@ -13,8 +13,8 @@ import polars as pl
 
 from rampcast import __version__
 from rampcast.batch.plan import Plan
-from rampcast.batch.scores import scores_of
 from rampcast.errors import RampcastError
+from rampcast.evaluate.positions import beside_truth, errors_by
 from rampcast.files import sha256_of, write_whole
 from rampcast.forecast.parts import write_forecasts
 from rampcast.forecast.storage import PRETRAINED, PRETRAINED_FOLDER, load
@@ -129,7 +129,8 @@ def _road(task: Task, recording: Recording, about: "RoadDiagnosis | None") -> di
         if "evaluate" in plan.do:
             files.append(Path("scores") / place / "scores.parquet")
             with _whole(plan.out / files[-1]) as path:
-                scores_of(pl.scan_parquet(folder / "forecast.parquet"), recording).write_parquet(path)
+                beside = beside_truth(pl.scan_parquet(folder / "forecast.parquet"), recording)
+                errors_by(beside, ["model", "horizon"]).write_parquet(path)
     return facts | {"files": [one.as_posix() for one in files]}
 
 

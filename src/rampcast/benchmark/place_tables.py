@@ -124,7 +124,7 @@ def _distinct(group: Shaped[np.ndarray, "row"], known: Bool[np.ndarray, "row sec
 def _error_columns(error: Float[np.ndarray, "row second"], ways: Sequence[Resampling]) -> dict[str, Column]:
     low, high = widest([way.means(np.abs(error)) for way in ways])
     known = [one[np.isfinite(one)] for one in error.T]
-    scores = [position_scores(one) if len(one) else dict.fromkeys(SCORES) for one in known]
+    scores = [position_scores(one) for one in known]
     found: dict[str, Column] = {name: [one[name] for one in scores] for name in SCORES}
     return found | {"error_low": low, "error_high": high, "rmse": np.sqrt(_mean(error**2))}
 

@@ -7,7 +7,8 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import AcceptDoubtful, Every, FormatName, MappingFile, SiteName, SkipBadRows, writable_folder
+from rampcast.cli.options import Every, writable_folder
+from rampcast.cli.reading import Reading, reads_files
 from rampcast.errors import RampcastError
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     "rampcast batch plan.toml   (call it again after an interruption)\n\n"
     "rampcast batch plan.toml --scheduler tcp://10.0.0.1:8786"
 )
+@reads_files()
 def batch(
     files: Annotated[list[str], typer.Argument(help="A plan.toml, or recordings; patterns as 'data/*.csv' too.")],
     out: Annotated[
@@ -28,19 +30,14 @@ def batch(
     do: Annotated[str | None, typer.Option("--do", help="Of doctor,convert,forecast,evaluate. Default: all.")] = None,
     model: Annotated[str, typer.Option("--model", help="Folder of a model.")] = "pretrained",
     every: Every = 1.0,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
-    accept_doubtful: AcceptDoubtful = False,
+    reading: Reading = Reading(),
     processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
     scheduler: Annotated[str | None, typer.Option("--scheduler", help="Address of a Dask scheduler.")] = None,
 ) -> None:
     """Checks, converts, forecasts and scores many recordings, one task each; goes on where it was interrupted."""
     from rampcast.batch import batch as run
 
-    more = {"site": site, "format": format, "model": model, "every": every, "skip_bad_rows": skip_bad_rows}
-    plan = asked_plan(files, out, do, mapping, more | {"accept_doubtful": accept_doubtful})
+    plan = asked_plan(files, out, do, reading, {"model": model, "every": every})
     with terminal.progress() as tell:
         found = run(plan, processes=processes, scheduler=scheduler, progress=tell)
     for name, reason in found.failed.select("file", "error").iter_rows():
@@ -51,9 +48,7 @@ def batch(
         raise typer.Exit(1)
 
 
-def asked_plan(
-    files: list[str], out: Path | None, do: str | None, mapping: Path | None, more: dict[str, Any]
-) -> "Plan":
+def asked_plan(files: list[str], out: Path | None, do: str | None, reading: Reading, more: dict[str, Any]) -> "Plan":
     """Returns the plan of a file, or of what the command line says.
 
     Raises:
@@ -67,4 +62,5 @@ def asked_plan(
         raise RampcastError("--out is missing: the folder of all results")
     if do is not None:
         more = more | {"do": [one.strip() for one in do.split(",")]}
-    return plan_of_files(files, out, mapping=None if mapping is None else str(mapping), **more)
+    mapping = None if reading.mapping is None else str(reading.mapping)
+    return plan_of_files(files, out, **reading._replace(mapping=None)._asdict() | more | {"mapping": mapping})

@@ -9,11 +9,8 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
-    AcceptDoubtful,
     Files,
-    FormatName,
     Gore,
-    MappingFile,
     MergeZone,
     Mirrored,
     OutFile,
@@ -21,8 +18,6 @@ from rampcast.cli.options import (
     RampEnd,
     Seed,
     SiteFile,
-    SiteName,
-    SkipBadRows,
     TargetLane,
     writable_file,
     writable_folder,
@@ -33,6 +28,7 @@ from rampcast.cli.reading import (
     doubtful_of,
     read_road,
     read_roads,
+    reads_files,
     taken_for,
     user_command,
     warn_if_off_road,
@@ -49,12 +45,10 @@ SHORTEST_RAMP = 30.0  # [m] beside the target lane: less than two seconds at the
 @app.command(
     epilog="Examples:\n\nrampcast inspect trajectories-0400-0415.txt\n\nrampcast inspect i80.parquet --json > i80.json"
 )
+@reads_files("accept_doubtful")
 def inspect(
     files: Files,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
+    reading: Reading = Reading(),
     json: Annotated[
         bool, typer.Option("--json", help="Print json instead of tables; of several roads: qualities.")
     ] = False,
@@ -62,10 +56,10 @@ def inspect(
     """Prints what is in a recording and how good it is, road by road."""
     from rampcast.doctor import inspect as summary_of
 
-    if mapping is None and format is None:
+    if reading.mapping is None and reading.format is None:
         terminal.note(taken_for(files))
     with terminal.progress("read and check"):
-        recordings, report = read_roads(files, Reading(site, format, mapping, skip_bad_rows))
+        recordings, report = read_roads(files, reading)
         found = [summary_of(recording) for recording in recordings]
     if json:
         values = [one.to_dict() for one in found]
@@ -81,26 +75,22 @@ def inspect(
     epilog="Examples:\n\nrampcast convert trajectories-*.txt --site i80 --out i80.parquet\n\n"
     "rampcast convert table.csv --mapping table.toml --out table.parquet"
 )
+@reads_files()
 def convert(
     files: Files,
     out: OutFile,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
-    accept_doubtful: AcceptDoubtful = False,
+    reading: Reading = Reading(),
 ) -> None:
     """Reads recordings of one place and writes a parquet file of each road (several: x-ROAD.parquet for x.parquet)."""
     from rampcast.formats import convert_all
     from rampcast.recording import read_recording
 
     with terminal.progress(f"convert to {out}"):
-        options = Reading(site, format, mapping, skip_bad_rows).arguments
-        written, report = convert_all(files, out, **options, doubtful=doubtful_of(accept_doubtful))
+        written, report = convert_all(files, out, **reading.arguments, doubtful=doubtful_of(reading.accept_doubtful))
     terminal.print_reading(report)
-    warn_if_off_road(report, site)
+    warn_if_off_road(report, reading.site)
     terminal.print_written(written)
-    if accept_doubtful:
+    if reading.accept_doubtful:
         warn_of_breaches([read_recording(path) for path in written])
 
 
@@ -121,6 +111,7 @@ def formats(json: Annotated[bool, typer.Option("--json", help="Print json instea
     epilog="Examples:\n\nrampcast site 26_tracks.csv --road lower --out my.toml\n\n"
     "rampcast site 26_tracks.csv --road lower --ramp-lane 4 --gore 120 --ramp-end 300 --out my.toml"
 )
+@reads_files("accept_doubtful")
 def site(
     files: Files,
     out: SiteFile,
@@ -137,10 +128,7 @@ def site(
     picture: Annotated[
         Path | None, typer.Option("--picture", callback=writable_file, help="Picture. Default: OUT with .png.")
     ] = None,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
+    reading: Reading = Reading(),
 ) -> None:
     """Writes a site file from a recording, with a picture to check it by eye; asks for the ramp if it is not given."""
     from rampcast.roads.ramp import RampValues, without_ramp
@@ -151,7 +139,7 @@ def site(
     if no_ramp and values != RampValues():
         raise SiteError("--no-ramp writes a site without a ramp: leave it out, or --ramp-lane and what goes with it")
     picture = picture or _picture_of(out)
-    recording = read_road(files, road, Reading(site, format, mapping, skip_bad_rows))
+    recording = read_road(files, road, reading)
     recording = turned(recording) if mirrored else recording
     if not no_ramp and not values.or_of(recording.site).lanes:
         _write_draft(recording, picture)
@@ -164,11 +152,10 @@ def site(
     epilog="Examples:\n\nrampcast doctor trajectories-0400-0415.txt --out out/doctor\n\n"
     "rampcast doctor data.csv --mapping my.toml --json > doctor.json"
 )
+@reads_files("skip_bad_rows", "accept_doubtful")
 def doctor(
     files: Files,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
+    reading: Reading = Reading(),
     out: Annotated[
         Path | None,
         typer.Option("--out", callback=writable_folder, help="Folder for a page with pictures and all places."),
@@ -179,7 +166,7 @@ def doctor(
     from rampcast.doctor import doctor as examine
 
     with terminal.progress("read and examine"):
-        diagnosis = examine(*read_roads(files, Reading(site, format, mapping, skip_bad_rows=True)))
+        diagnosis = examine(*read_roads(files, reading._replace(skip_bad_rows=True)))
     terminal.print_diagnosis(diagnosis, out=out, as_json=json, command=user_command())
     if diagnosis.spoils:
         raise typer.Exit(1)

@@ -9,30 +9,26 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.options import (
-    AcceptDoubtful,
     AnyModel,
     Batch,
     Epochs,
     Every,
     Files,
-    FormatName,
-    MappingFile,
-    ModelFolder,
-    NoReport,
     OutFolder,
     RecordingFile,
+    Report,
     Seed,
-    SiteName,
     SkipBadRows,
     Start,
     Stride,
+    WhichReport,
 )
-from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, user_command
+from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, reads_files, smoothed, user_command
 from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from rampcast.forecast.forecaster import Forecaster
     from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
@@ -44,6 +40,7 @@ if TYPE_CHECKING:
     epilog="Examples:\n\nrampcast train window1.parquet window3.parquet --out model\n\n"
     "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected"
 )
+@reads_files()
 def train(
     context: typer.Context,
     recordings: Files,
@@ -51,11 +48,7 @@ def train(
     paper: Annotated[
         Mode | None, typer.Option("--paper", help="Train the paper's framework in that reading of the paper instead.")
     ] = None,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
-    accept_doubtful: AcceptDoubtful = False,
+    reading: Reading = Reading(),
     epochs: Epochs = 25,
     batch: Batch = 32,
     stride: Stride = 1,
@@ -75,7 +68,7 @@ def train(
     refuse_without_effect(context, paper=paper, mode=mode)
     check_replaceable(out)
     with terminal.progress() as tell:
-        recording = read_smoothed(recordings, Reading(site, format, mapping, skip_bad_rows, accept_doubtful))
+        recording = read_smoothed(recordings, reading)
         model: RecordingForecaster
         if paper is None:
             spec, begun = ForecasterSpec(seed=seed), started(start)
@@ -123,46 +116,65 @@ def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: s
     epilog="Examples:\n\nrampcast forecast window2.parquet --out forecasts\n\n"
     "rampcast forecast window2.parquet window3.parquet --model model --every 0.1 --out forecasts --csv"
 )
+@reads_files()
 def forecast(
     out: OutFolder,
     recordings: Annotated[list[Path] | None, typer.Argument(help="Recordings, in any form rampcast reads.")] = None,
     model: AnyModel = None,
     every: Every = 1.0,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
-    accept_doubtful: AcceptDoubtful = False,
+    reading: Reading = Reading(),
     csv: Annotated[bool, typer.Option("--csv", help="Write csv files as well.")] = False,
-    no_report: NoReport = False,
+    report: WhichReport = Report.RAMP,
     recording: Annotated[list[Path] | None, typer.Option("--recording", hidden=True)] = None,
 ) -> None:
     """Forecasts all vehicles at regular moments: where they will be, when and into which gap they will merge.
 
     Writes report.html with slides and numbers (docs/report.md), forecast.parquet and lane_change.parquet; the paper's
-    framework no report, gap.parquet and conflicts.parquet.
+    framework no such report, gap.parquet and conflicts.parquet. With --report paper the paper's tables and figures.
     The columns: docs/forecast_files.md.
     """
     from rampcast.forecast.parts import write_forecasts
 
     kept: list[Recording] = []
-    forecaster, reading = trained_model(model), Reading(site, format, mapping, skip_bad_rows, accept_doubtful)
+    forecaster = trained_model(model)
     with terminal.progress() as tell:
         parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell, kept)
         written = write_forecasts(parts, out, suffixes=(".parquet", ".csv") if csv else (".parquet",))
     for path, rows in written.items():
         terminal.say(f"wrote {path}: {rows:,} rows")
-    if not no_report:
-        say_report(kept, out, "the pretrained model" if model is None else f"the model {model}")
+    if report is Report.PAPER:
+        say_paper_report(forecaster, smoothed(kept[0]), out, every=every, seed=1)
+    elif report is Report.RAMP:
+        say_report(kept, out, forecaster, model_named(model))
 
 
-def say_report(recordings: "list[Recording]", out: Path, model: str) -> None:
+def model_named(folder: Path | None) -> str:
+    return "the pretrained model" if folder is None else f"the model {folder}"
+
+
+def say_paper_report(
+    forecaster: "RecordingForecaster", recording: "Recording", out: Path, *, every: float, seed: int
+) -> None:
+    """Writes the paper's tables, figures and report of a smoothed recording, and says where they are."""
+    from rampcast.paper.reproduce import score
+
+    with terminal.progress("score as the paper does"):
+        result, page = score(forecaster, recording, out, every=every, seed=seed, command=user_command())
+    terminal.print_errors(result.tables["longitudinal"])
+    terminal.say(f"wrote {page}")
+
+
+def say_report(
+    recordings: "list[Recording]", out: Path, forecaster: "RecordingForecaster", named: str,
+    more: "Mapping[str, str] | None" = None,
+) -> None:  # fmt: skip
     """Writes the report on forecasts and says where it is; nothing of models that forecast no bands."""
     from rampcast import __version__
-    from rampcast.report import report_on
+    from rampcast.report import About, report_on
 
+    about = About(named, forecaster.site is not None, __version__, more or {})
     with terminal.progress("look at what came, and write the report"):
-        page = report_on(recordings, out, model=model, version=__version__)
+        page = report_on(recordings, out, about)
     if page is not None:
         of = ", ".join(name for one in recordings for name in one.names)
         terminal.say(f"wrote {page} on {of}: look at it first; its pictures are slides beside it")
@@ -198,36 +210,55 @@ def forecast_files(
         read |= dict.fromkeys(recording.names, file)
         if not kept:
             kept.append(recording)
-        parts, what = forecaster.in_parts(recording, every=every), f"forecast {', '.join(recording.names)}"
-        tell(what, 0, parts.total)
-        for done, part in enumerate(parts.each, start=1):
-            yield part
-            tell(what, done, parts.total)
+        yield from told_parts(forecaster, recording, every, tell)
 
 
-@app.command(epilog="Example:\n\nrampcast evaluate --model model --recording window2.parquet --out scores")
+def told_parts(
+    forecaster: "RecordingForecaster", recording: "Recording", every: float, tell: "Progress"
+) -> "Iterator[RecordingForecast]":
+    """Yields the parts of the forecast of a recording, and tells how many are done."""
+    parts, what = forecaster.in_parts(recording, every=every), f"forecast {', '.join(recording.names)}"
+    tell(what, 0, parts.total)
+    for done, part in enumerate(parts.each, start=1):
+        yield part
+        tell(what, done, parts.total)
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast evaluate --recording window2.parquet --out scores\n\n"
+    "rampcast evaluate --model model --recording window2.parquet --report paper --out scores"
+)
+@reads_files()
 def evaluate(
-    model: ModelFolder,
     recording: RecordingFile,
     out: OutFolder,
+    model: AnyModel = None,
     every: Every = 1.0,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
-    accept_doubtful: AcceptDoubtful = False,
+    reading: Reading = Reading(),
     seed: Seed = 1,
+    report: WhichReport = Report.RAMP,
 ) -> None:
-    """Scores a model on a recording that it was not trained on; writes tidy tables, figures and a report."""
-    from rampcast.forecast.storage import load
-    from rampcast.paper.reproduce import score
+    """Scores a model on a recording that it was not trained on: how far off, and how well calibrated.
 
-    with terminal.progress("forecast and score"):
-        forecaster = load(model)
-        smoothed = read_smoothed([recording], Reading(site, format, mapping, skip_bad_rows, accept_doubtful))
-        result, page = score(forecaster, smoothed, out, every=every, seed=seed, command=user_command())
-    terminal.print_errors(result.tables["longitudinal"])
-    terminal.say(f"wrote {page}")
+    Writes report.html with slides, the errors by situation and horizon, and each forecast (docs/report.md). With
+    --report paper, and of the paper's framework always, the paper's tables and figures.
+    """
+    from rampcast.forecast.parts import write_forecasts
+    from rampcast.forecast.protocol import check_unseen
+    from rampcast.paper.framework import PaperForecaster
+
+    forecaster = trained_model(model)
+    with terminal.progress("read and smooth"):
+        test = read_smoothed([recording], reading)
+    if report is Report.PAPER or isinstance(forecaster, PaperForecaster):
+        say_paper_report(forecaster, test, out, every=every, seed=seed)
+        return
+    check_unseen(forecaster, test)
+    with terminal.progress() as tell:
+        write_forecasts(told_parts(forecaster, test, every, tell), out, suffixes=(".parquet",))
+    terminal.print_scores_of(out, test)
+    if report is Report.RAMP:
+        say_report([test], out, forecaster, model_named(model))
 
 
 @app.command(
@@ -287,16 +318,26 @@ def benchmark(
 
 @app.command(epilog="Example:\n\nrampcast demo --out out/demo")
 def demo(out: OutFolder = Path("out/demo")) -> None:
-    """Runs the whole protocol on the simulated recordings that ship with rampcast, with short training."""
-    from rampcast.paper.reproduce import DEMO
+    """Trains on the simulated recordings that ship with rampcast, shortly, and reports on one that it was not shown.
+
+    First the report for people who run ramps, report.html; then the paper's whole protocol, paper/report.html.
+    """
+    from rampcast.forecast.parts import write_forecasts
+    from rampcast.forecast.storage import load
+    from rampcast.paper.reproduce import DEMO, OURS
     from rampcast.paper.reproduce import reproduce as run
+    from rampcast.recording import read_recording
     from rampcast.simulate import shipped_sample
 
-    protocol = replace(DEMO, command=user_command())
+    protocol, paper = replace(DEMO, command=user_command()), out / "paper"
     with terminal.progress() as tell:
-        page = run(shipped_sample(), out, protocol=protocol, progress=tell)
-    terminal.print_scores(out)
-    terminal.say(f"wrote {page}")
+        page = run(shipped_sample(), paper, protocol=protocol, progress=tell)
+        forecaster, test = load(paper / OURS), read_recording(shipped_sample()[1])
+        write_forecasts(told_parts(forecaster, test, protocol.every, tell), out, suffixes=(".parquet",))
+    beside = {"The paper's statements, checked": page.relative_to(out).as_posix()}
+    say_report([test], out, forecaster, "a model that was trained for a minute or two", beside)
+    terminal.print_scores(paper)
+    terminal.say(f"wrote {page}: the paper's")
 
 
 def paper_spec(epochs: int, batch: int, stride: int, seed: int) -> "PaperSpec":

@@ -1,6 +1,7 @@
 """Arguments and options that several commands share."""
 
 import math
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -58,7 +59,6 @@ AcceptDoubtful = Annotated[
 ]
 OutFolder = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
 OutFile = Annotated[Path, typer.Option("--out", callback=writable_file, help="File to write.")]
-ModelFolder = Annotated[Path, typer.Option("--model", help="Model folder made by [bold]rampcast train[/].")]
 AnyModel = Annotated[
     Path | None,
     typer.Option("--model", help="Model folder made by [bold]rampcast train[/]. Default: the pretrained model."),
@@ -93,4 +93,19 @@ Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane g
 Start = Annotated[
     str, typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'.")
 ]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Write tables alone, no report.html.")]
+
+
+class Report(Enum):
+    """What report.html is about."""
+
+    RAMP = "ramp"
+    PAPER = "paper"
+    NONE = "none"
+
+
+WhichReport = Annotated[
+    Report,
+    typer.Option(
+        "--report", help="report.html for people who run ramps, the paper's tables and figures, or none.",
+    ),
+]  # fmt: skip

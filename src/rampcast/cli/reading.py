@@ -1,35 +1,71 @@
 """How commands read recordings."""
 
+import inspect
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rampcast.cli import show as terminal
+from rampcast.cli.options import AcceptDoubtful, FormatName, MappingFile, SiteName, SkipBadRows
 
 if TYPE_CHECKING:
     from rampcast.formats import ReadReport
     from rampcast.recording import Recording
 
+Command = Callable[..., None]
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
 MANY_OFF_ROAD = 0.5  # of the rows: the site of one road of a divided highway leaves out about half of them
 
 
 class Reading(NamedTuple):
-    """How files are read: the options that commands share."""
+    """How files are read: the options that commands share, in the order of their help."""
 
-    site: str | None
-    format: str | None
-    mapping: Path | None
-    skip_bad_rows: bool
-    accept_doubtful: bool = False
+    site: SiteName = None
+    format: FormatName = None
+    mapping: MappingFile = None
+    skip_bad_rows: SkipBadRows = False
+    accept_doubtful: AcceptDoubtful = False
 
     @property
     def arguments(self) -> dict[str, Any]:
         """Returns what `rampcast.formats.read_all` and its kin take."""
         bad_rows = bad_rows_of(self.skip_bad_rows)
         return {"site": self.site, "format": self.format, "mapping": self.mapping, "bad_rows": bad_rows}
+
+
+def reads_files(*without: str) -> Callable[[Command], Command]:
+    """Returns what lets the parameter `reading` of a command be given as the options of `Reading`.
+
+    Args:
+        without: options that the command does not take.
+    """
+    names = [name for name in Reading._fields if name not in without]
+    defaults, annotations = Reading._field_defaults, Reading.__annotations__
+
+    def shared(command: Command) -> Command:
+        @wraps(command)
+        def called(**given: Any) -> None:
+            reading = Reading(**{name: given.pop(name) for name in names})
+            command(**given, reading=reading)
+
+        own = inspect.signature(command).parameters.values()
+        shown = []
+        for one in own:
+            if one.name != "reading":
+                shown.append(one.replace(kind=KEYWORD))
+                continue
+            shown += [
+                inspect.Parameter(name, KEYWORD, default=defaults[name], annotation=annotations[name]) for name in names
+            ]
+        called.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+        called.__annotations__ = {one.name: one.annotation for one in shown}
+        return called
+
+    return shared
 
 
 def bad_rows_of(skip: bool) -> str:
@@ -90,14 +126,18 @@ def warn_of_breaches(recordings: "Sequence[Recording]") -> None:
 
 def read_smoothed(files: list[Path], reading: Reading) -> "Recording":
     """Returns the recording in the files, smoothed unless it is already; prints what that left out or changed."""
+    return smoothed(read_raw(files, reading))
+
+
+def smoothed(recording: "Recording") -> "Recording":
+    """Returns a recording smoothed unless it is already; prints what that left out or changed."""
     from rampcast.recording import clean
 
-    recording = read_raw(files, reading)
     if recording.is_smoothed:
         return recording
-    smoothed, changes = clean(recording)
+    found, changes = clean(recording)
     terminal.print_cleaning(changes)
-    return smoothed
+    return found
 
 
 def taken_for(files: list[Path]) -> str:

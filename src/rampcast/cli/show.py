@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rampcast.forecast.held_out import HeldOut
     from rampcast.forecast.protocol import Progress as Tell
     from rampcast.formats import ReadReport
-    from rampcast.recording import CleaningReport
+    from rampcast.recording import CleaningReport, Recording
 
 # What a terminal obeys: controls but tab and line end, and those that turn the direction of writing.
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -218,6 +218,23 @@ def print_scores(out: Path) -> None:
     import polars as pl
 
     print_errors(pl.read_parquet(out / "tables" / "longitudinal.parquet"))
+
+
+def print_scores_of(folder: Path, recording: "Recording") -> None:
+    """Prints how far off the forecasts in a folder were, and how often their bands held, at a few horizons."""
+    import polars as pl
+
+    from rampcast.evaluate.positions import beside_truth, errors_by
+
+    table = errors_by(beside_truth(pl.scan_parquet(folder / "forecast.parquet"), recording), ["horizon"])
+    heads = ("seconds ahead", "mean error (m)", "CRPS (m)", "50 % band holds", "90 % band holds", "n")
+    shown = titled(f"how far off forecasts of {', '.join(recording.names)} were", heads, numbers=heads)
+    for row in table.filter(pl.col("horizon").round(1).is_in(SHOWN_HORIZONS)).iter_rows(named=True):
+        off, shares = (row["mean_error"], row["crps"]), (row["inside_50"], row["inside_90"])
+        shown.add_row(
+            f"{row['horizon']:g}", *(f"{one:.2f}" for one in off), *(f"{one:.0%}" for one in shares), f"{row['n']:,}"
+        )
+    output.print(shown)
 
 
 def print_diagnosis(diagnosis: "Diagnosis", *, out: Path | None, as_json: bool, command: str) -> None:

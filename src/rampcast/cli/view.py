@@ -7,8 +7,8 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import AnyModel, FormatName, MappingFile, SiteName, SkipBadRows, writable_file
-from rampcast.cli.reading import Reading, read_raw
+from rampcast.cli.options import AnyModel, writable_file
+from rampcast.cli.reading import Reading, read_raw, reads_files
 from rampcast.errors import RampcastError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the 
     epilog="Examples:\n\nrampcast view\n\nrampcast view recording.parquet --model model --from 120 --speed 2\n\n"
     "rampcast view recording.parquet --export clip.mp4 --from 120 --seconds 20"
 )
+@reads_files("accept_doubtful")
 def view(
     recording: Shown = None,
     model: AnyModel = None,
@@ -56,16 +57,13 @@ def view(
     vehicle: Followed = None,
     port: Port = 0,
     browser: Browser = True,
-    site: SiteName = None,
-    format: FormatName = None,
-    mapping: MappingFile = None,
-    skip_bad_rows: SkipBadRows = False,
+    reading: Reading = Reading(),
 ) -> None:
     """Shows a recording with its forecasts in the browser, or writes a film of it.
 
     The page plays, stops, steps and seeks; what came true stands beside the forecast. It stops at Ctrl-C.
     """
-    shown, start = found_recording(recording or [], Reading(site, format, mapping, skip_bad_rows))
+    shown, start = found_recording(recording or [], reading)
     begin = start if begin is None else begin
     if export is None:
         show_page(shown, model, window=window, begin=begin, speed=speed, port=port, browser=browser)

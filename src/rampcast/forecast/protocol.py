@@ -8,8 +8,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float, Int, Shaped
 
-from rampcast.errors import ModelError
+from rampcast.errors import ModelError, RecordingError
 from rampcast.recording import Recording
+from rampcast.recording.hashes import window_hashes
 from rampcast.sites import Site
 from rampcast.sites.site import differences
 
@@ -115,6 +116,22 @@ def check_same_site(trained: Site, site: Site) -> None:
         f"this model was trained {what}; what it learned holds for one road, so train a model of that site, or read "
         "both recordings with one site file (--site)"
     )
+
+
+def check_unseen(forecaster: RecordingForecaster, recording: Recording) -> None:
+    """Checks that a smoothed recording was not trained on.
+
+    Raises:
+        RecordingError: a window of it was, whatever its name.
+    """
+    hashes = zip(recording.names, window_hashes(recording), strict=True)
+    leaked = sorted(
+        name for name, found in hashes if name in forecaster.trained_on or found in forecaster.window_hashes
+    )
+    if leaked:
+        raise RecordingError(
+            f"the windows {leaked} were used to train this model, so a score on them says nothing; evaluate on others"
+        )
 
 
 def tell_nobody(what: str, done: int, total: int) -> None:

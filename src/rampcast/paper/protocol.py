@@ -12,7 +12,7 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 
 from rampcast.errors import ModelError, RecordingError
-from rampcast.forecast.protocol import RecordingForecast, RecordingForecaster
+from rampcast.forecast.protocol import RecordingForecast, RecordingForecaster, check_unseen
 from rampcast.forecast.tables import TIMES
 from rampcast.horizon import FUTURE, STEP, STEPS_PER_SECOND
 from rampcast.paper.errors import central_errors, neighbour_errors
@@ -29,7 +29,6 @@ from rampcast.paper.parameters import outcome_table, parameter_table
 from rampcast.paper.scenes import Scenes
 from rampcast.paper.scenes.scenes import CENTRAL
 from rampcast.recording import Recording
-from rampcast.recording.hashes import window_hashes
 from rampcast.traffic import find_anchors
 from rampcast.traffic.outcomes import outcomes
 
@@ -103,7 +102,7 @@ def evaluate(
     """
     mode = _mode_of(forecasters)
     for forecaster in forecasters:
-        _check_unseen(forecaster, recording)
+        check_unseen(forecaster, recording)
     rows = test_rows(recording, mode, every=every, seed=seed)
     test = Test(recording, rows, SCENES[mode](recording, rows), mode, seed)
     forecasts = tuple(forecaster.predict_at(recording, rows) for forecaster in forecasters)
@@ -171,17 +170,6 @@ def _mode_of(forecasters: Sequence[RecordingForecaster]) -> Mode:
     if not forecasters or len(modes) > 1:
         raise ModelError(f"expected forecasters of one mode, got {len(forecasters)} of the modes {sorted(modes)}")
     return modes.pop() if modes else Mode.CORRECTED
-
-
-def _check_unseen(forecaster: RecordingForecaster, recording: Recording) -> None:
-    hashes = zip(recording.names, window_hashes(recording), strict=True)
-    leaked = sorted(
-        name for name, found in hashes if name in forecaster.trained_on or found in forecaster.window_hashes
-    )
-    if leaked:
-        raise RecordingError(
-            f"the windows {leaked} were used to train this model, so a score on them says nothing; evaluate on others"
-        )
 
 
 def _framework_tables(forecaster: PaperForecaster, forecast: PaperForecast, test: Test) -> Tables:

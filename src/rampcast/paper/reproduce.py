@@ -54,6 +54,7 @@ from rampcast.sites.site import site_to_dict
 TRAINING_WINDOWS, TEST_WINDOW = ("1", "3"), "2"  # the paper, section "Data Set"
 SUFFIXES = (".txt", ".csv", ".gz", ".zip", ".parquet")
 FINGERPRINTS, UNFINISHED = "fingerprints", "unfinished"
+OURS = Path("models/rampcast")  # in the folder of a run: the forecaster of our own
 RUN, READING, CLEANING = "run.json", "reading.json", "cleaning.json"
 
 T = TypeVar("T")
@@ -234,18 +235,18 @@ def _scored(
     """Returns the scores of one mode; ours stands beside the paper's framework in corrected mode."""
     forecasters: list[RecordingForecaster] = [_paper(training, models / mode, mode, protocol.paper, tell)]
     if mode is Mode.CORRECTED:
-        forecasters.insert(0, _ours(training, models, protocol.ours, tell))
+        forecasters.insert(0, _ours(training, models.parent / OURS, protocol.ours, tell))
     tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 0, 1)
     result = evaluate(forecasters, test, every=protocol.every, seed=protocol.paper.seed)
     tell(f"{mode} mode: forecast and score window {TEST_WINDOW}", 1, 1)
     return result
 
 
-def _ours(recording: Recording, models: Path, spec: ForecasterSpec, tell: Progress) -> Forecaster:
+def _ours(recording: Recording, folder: Path, spec: ForecasterSpec, tell: Progress) -> Forecaster:
     def train() -> Forecaster:
         return fit(recording, spec=spec, progress=tell)
 
-    return _kept_model(models / "rampcast", _inputs(recording, spec), train, OUR_TAGS, kind="rampcast")
+    return _kept_model(folder, _inputs(recording, spec), train, OUR_TAGS, kind="rampcast")
 
 
 def _paper(recording: Recording, folder: Path, mode: Mode, spec: PaperSpec, tell: Progress) -> PaperForecaster:

@@ -29,7 +29,8 @@ SLOT_LOOKS = {
     "target_follower_2": ("f2", TAN),
 }
 MARGIN = 40.0  # [m] of road shown behind and ahead of the central vehicle
-LABEL_TIMES = (-3.2, -1.6)  # [s] where the lines of ramp and of target-lane neighbours bear their names
+LABEL_TIMES = {"l": -3.5, "f": -2.9, "l2": -2.3, "l1": -1.7, "f1": -1.1, "f2": -0.5}  # [s] where lines bear their names
+HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground="white")]
 DASHES: dict[str, Any] = {"observed": "-", "predicted": (0, (3, 1.5))}
 GAP = 1.5  # a line breaks where two samples lie further apart than this many usual steps
 SPEED_COLORS = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.9, 256)))  # its palest yellow is lost on white
@@ -145,8 +146,7 @@ def _segments(
 
 
 def _draw_neighbours(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
-    lanes = {style.SKY: ("ramp neighbours", LABEL_TIMES[0]), TAN: ("target-lane neighbours", LABEL_TIMES[1])}
-    for color, (lane, label_time) in lanes.items():
+    for color, lane in ((style.SKY, "ramp neighbours"), (TAN, "target-lane neighbours")):
         found = set()
         for slot in (slot for slot, (_, own) in SLOT_LOOKS.items() if own == color):
             rows = example.filter(pl.col("slot") == slot)
@@ -155,17 +155,17 @@ def _draw_neighbours(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
                 ax.plot(t, x, color=color, linestyle=DASHES.get(kind, ":"), linewidth=1.2)
                 found.add(kind)
                 if kind == "observed":
-                    _name(ax, t, x, SLOT_LOOKS[slot][0], label_time)
+                    _name(ax, t, x, SLOT_LOOKS[slot][0])
         for kind in sorted(found):
             yield Line2D([], [], color=color, linestyle=DASHES.get(kind, ":"), linewidth=1.4, label=f"{lane}, {kind}")
 
 
-def _name(ax: Axes, t: Float[np.ndarray, "sample"], x: Float[np.ndarray, "sample"], symbol: str, when: float) -> None:
+def _name(ax: Axes, t: Float[np.ndarray, "sample"], x: Float[np.ndarray, "sample"], symbol: str) -> None:
+    when = LABEL_TIMES[symbol]
     near = np.flatnonzero((np.abs(t - when) < 0.3) & np.isfinite(x))
     if len(near):
-        halo: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground="white")]
         text = ax.text(when, x[near[0]], symbol, fontsize=8, ha="center", va="center", zorder=6, clip_on=True)
-        text.set_path_effects(halo)
+        text.set_path_effects(HALO)
 
 
 def _draw_central(ax: Axes, example: pl.DataFrame) -> Iterator[Line2D]:
@@ -209,7 +209,7 @@ def _broken(rows: pl.DataFrame) -> tuple[Float[np.ndarray, "sample"], Float[np.n
 
 
 def _frame(ax: Axes, example: pl.DataFrame, ramp_end: float | None) -> None:
-    central = example.filter(pl.col("slot") == "central")["x"].cast(pl.Float64).drop_nulls().drop_nans()
+    central = _in_sight(example)
     start, end = float(example["t"].min() or 0.0), float(example["t"].max() or 1.0)  # type: ignore[arg-type]
     ax.axvspan(start, 0.0, color="#F2F2F2", zorder=0)
     ax.axvline(0.0, color=style.GREY, linewidth=1.0, zorder=1)
@@ -221,7 +221,25 @@ def _frame(ax: Axes, example: pl.DataFrame, ramp_end: float | None) -> None:
         ax.set_ylim(low, high)
         if ramp_end is not None and low < ramp_end < high:
             ax.axhline(ramp_end, color=style.GREY, linewidth=1.0, linestyle=(0, (1, 2)), zorder=1)
-            ax.text(start, ramp_end, " ramp ends", fontsize=7.5, color="#444444", va="bottom", zorder=6)
+            text = ax.text(
+                end, ramp_end, "ramp ends ", fontsize=7.5, color="#444444", ha="right", va="bottom", zorder=6
+            )
+            text.set_path_effects(HALO)
+
+
+def _in_sight(example: pl.DataFrame) -> pl.Series:
+    """Returns the places [m] that a picture of a scene shows: of the central vehicle, its band, and its forecasts.
+
+    A forecast that goes where nobody of the scene was leaves the picture: else it would press all others flat.
+    """
+    known = example.with_columns(pl.col("x").cast(pl.Float64)).filter(pl.col("x").is_finite())
+    own, seen = pl.col("slot") == "central", pl.col("kind").is_in(["observed", "band"])
+    drawn, anybody = known.filter(own & seen)["x"], known.filter(seen)["x"]
+    forecasts = known.filter(own & ~seen)["x"]
+    if not len(drawn):
+        return forecasts
+    low, high = (float(anybody.min()), float(anybody.max()))  # type: ignore[arg-type]
+    return pl.concat([drawn, forecasts.filter(forecasts.is_between(low, high))])
 
 
 def _draw_probability(ax: Axes, table: pl.DataFrame) -> None:

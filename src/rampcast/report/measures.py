@@ -2,17 +2,19 @@
 
 from typing import Final
 
-import numpy as np
 import polars as pl
 
+from rampcast.evaluate.positions import beside_truth, errors_by
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.roads.ramp import FROM, TO, lane_changes
 
 SHOWN: Final = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
-LEVELS: Final = {"x_q05": 0.05, "x_q25": 0.25, "x_q50": 0.5, "x_q75": 0.75, "x_q95": 0.95}
+SHOWN_OF_EACH: Final = (5.0, 15.0)  # [s] of a single situation
 SLOW: Final = 8.0  # [m/s] 29 km/h: traffic that stands and goes
-BEFORE: Final = 4  # tenths of a second over which the speed at t0 is taken
+BEFORE: Final = 0.4  # [s] over which the speed at t0 is taken
+TENTH: Final = 0.1  # [s]
+TICK: Final = (pl.col("t0") / TENTH).round().cast(pl.Int64).alias("tick")  # moments are compared as whole numbers
 CELL: Final = 50.0  # [m] of the road that conflicts are counted in
 SCENE: Final = ("recording", "vehicle", "t0")
 SOON: Final = 5.0  # [s] ahead, of conflicts
@@ -21,57 +23,33 @@ SAME_TIME: Final = 0.05  # [s]
 
 
 def with_truth(positions: pl.DataFrame, recording: Recording) -> pl.DataFrame:
-    """Returns forecasts at whole seconds beside what came: `x_true` [m], and the situation of each.
+    """Returns forecasts at whole seconds beside what came (see `beside_truth`), x_now [m] and the situation of each.
+
+    A situation is told by what is known at t0: from the ramp; else slow or free traffic.
 
     Args:
         positions: of a `forecast` table.
         recording: what was forecast.
     """
-    ramp, step = list(recording.site.ramp_lanes), recording.time_step
-    seen = recording.tracks.select(
-        pl.col(c.RECORDING).cast(pl.String).alias("recording"),
-        pl.col(c.VEHICLE).cast(positions.schema["vehicle"]).alias("vehicle"),
-        tick=(pl.col(c.FRAME) * step * 10).round().cast(pl.Int64),
-        x_true=pl.col(c.X).cast(pl.Float64),
-        lane_true=pl.col(c.LANE),
-    ).unique(["recording", "vehicle", "tick"], keep="first")
-    whole = positions.filter(pl.col("horizon").round(1).is_in([float(second) for second in range(1, 16)]))
-    whole = whole.with_columns(pl.col("recording").cast(pl.String))
-    then = ((pl.col("t0") + pl.col("horizon")) * 10).round().cast(pl.Int64)
-    now = seen.select("recording", "vehicle", t0_tick="tick", x_now="x_true")
-    table = whole.with_columns(tick=then, t0_tick=(pl.col("t0") * 10).round().cast(pl.Int64))
-    table = table.join(seen, on=["recording", "vehicle", "tick"]).join(now, on=["recording", "vehicle", "t0_tick"])
-    before = now.with_columns(pl.col("t0_tick") + BEFORE).rename({"x_now": "x_before"})
-    table = table.join(before, on=["recording", "vehicle", "t0_tick"], how="left")
-    speed = (pl.col("x_now") - pl.col("x_before")) * 10 / BEFORE  # what is known at t0: not sorted by what came
+    scene = positions.lazy().select(*SCENE, "lane").unique([*SCENE])
+    nows = [scene.with_columns(x=pl.lit(0.0), horizon=pl.lit(0.0), t0=pl.col("t0") - back) for back in (0.0, BEFORE)]
+    now, before = (beside_truth(one, recording).select(*SCENE, "truth") for one in nows)
+    before = before.with_columns(TICK + round(BEFORE / TENTH)).rename({"truth": "x_before"}).drop("t0")
+    now = now.with_columns(TICK).rename({"truth": "x_now"}).drop("t0")
+    same = ["recording", "vehicle", "tick"]
+    known = now.join(before, on=same, how="left")
+    table = beside_truth(positions.lazy(), recording).with_columns(TICK).join(known, on=same)
+    speed = (pl.col("x_now") - pl.col("x_before")) / BEFORE
     slow = pl.when(speed < SLOW).then(pl.lit("slow traffic")).otherwise(pl.lit("free traffic"))
-    on_ramp = pl.col("lane").is_in(ramp)
-    return table.with_columns(situation=pl.when(on_ramp).then(pl.lit("from the ramp")).otherwise(slow), on_ramp=on_ramp)
+    on_ramp = pl.col("lane").is_in(list(recording.site.ramp_lanes))
+    situation = pl.when(on_ramp).then(pl.lit("from the ramp")).otherwise(slow)
+    return table.with_columns(situation=situation, on_ramp=on_ramp).drop("tick").collect()
 
 
 def errors(truth: pl.DataFrame) -> pl.DataFrame:
-    """Returns, by horizon and situation: n, mean error, CRPS, share inside both bands, and how wide the 90 % band is.
-
-    The CRPS [m] is twice the mean pinball loss of the five quantiles: a little coarser than that of all samples.
-    """
-    pinball = [
-        (pl.col("x_true") - pl.col(name)) * (level - (pl.col("x_true") < pl.col(name)).cast(pl.Float64))
-        for name, level in LEVELS.items()
-    ]
+    """Returns `errors_by` of forecasts with bands, by situation ("all" for all of them) and horizon."""
     both = pl.concat([truth.with_columns(situation=pl.lit("all")), truth])
-    return (
-        both.filter(pl.col("x_q05").is_not_null())
-        .group_by("situation", "horizon")
-        .agg(
-            n=pl.len(),
-            mean_error=(pl.col("x") - pl.col("x_true")).abs().mean(),
-            crps=(2.0 * pl.mean_horizontal(*pinball)).mean(),
-            inside_50=pl.col("x_true").is_between("x_q25", "x_q75").mean(),
-            inside_90=pl.col("x_true").is_between("x_q05", "x_q95").mean(),
-            width_90=(pl.col("x_q95") - pl.col("x_q05")).mean(),
-        )
-        .sort("situation", "horizon")
-    )
+    return errors_by(both.lazy().filter(pl.col("x_q05").is_not_null()), ["situation", "horizon"])
 
 
 def merges(recording: Recording) -> pl.DataFrame:
@@ -107,7 +85,7 @@ def reliability(changes: pl.DataFrame, truth: pl.DataFrame, recording: Recording
         recording: what was forecast.
     """
     ramp = list(recording.site.ramp_lanes)
-    came = truth.filter("on_ramp").select(*SCENE, t="horizon", came=~pl.col("lane_true").is_in(ramp))
+    came = truth.filter("on_ramp").select(*SCENE, t="horizon", came=~pl.col("lane_then").is_in(ramp))
     told = changes.with_columns(pl.col("recording").cast(pl.String), pl.col("t").cast(pl.Float64))
     came = came.with_columns(pl.col("t").cast(pl.Float64).round(1))
     bins = (pl.col("p_within") * BINS).floor().clip(0, BINS - 1).cast(pl.Int8)
@@ -134,12 +112,5 @@ def typical_scene(truth: pl.DataFrame) -> dict[str, object]:
     """Returns the scene whose error at the last horizon is the median of those from the ramp, or of all."""
     ends = truth.filter(pl.col("horizon").round(1) == 10.0)
     ends = ends.filter("on_ramp") if ends["on_ramp"].any() else ends
-    ends = ends.with_columns(off=(pl.col("x") - pl.col("x_true")).abs()).sort("off", "recording", "vehicle", "t0")
+    ends = ends.with_columns(off=pl.col("error").abs()).sort("off", "recording", "vehicle", "t0")
     return ends.row(ends.height // 2, named=True) if ends.height else {}
-
-
-def share_within(table: pl.DataFrame, horizon: float) -> dict[str, float]:
-    """Returns the numbers of all situations at a horizon [s]; NaN where there are none."""
-    rows = table.filter((pl.col("situation") == "all") & ((pl.col("horizon") - horizon).abs() < 0.05))
-    names = ("n", "mean_error", "crps", "inside_50", "inside_90", "width_90")
-    return {name: float(rows[name][0]) if rows.height else float(np.nan) for name in names}

@@ -2,7 +2,8 @@
 
 import base64
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,14 +28,30 @@ DOTS: Final = 150  # to an inch: 1920 x 1080
 MOST: Final = 5  # rows of a short list
 
 
-def report_on(recordings: Sequence[Recording], folder: Path, *, model: str, version: str) -> Path | None:
+@dataclass(frozen=True)
+class About:
+    """What the page says of itself.
+
+    Attributes:
+        model: what forecast, in words.
+        trained_here: whether that was trained on this road.
+        version: of rampcast.
+        more: other pages to go on with: their places from this one, by title.
+    """
+
+    model: str
+    trained_here: bool
+    version: str
+    more: Mapping[str, str] = field(default_factory=dict)
+
+
+def report_on(recordings: Sequence[Recording], folder: Path, about: About) -> Path | None:
     """Writes the report on forecasts that were written into a folder, beside them; returns the page, None of none.
 
     Args:
         recordings: that were forecast; of several places those of the first are told.
         folder: with forecast.parquet and what is beside it.
-        model: what forecast, in words.
-        version: of rampcast.
+        about: what the page says of itself.
 
     Raises:
         OutputError: as `write_report`.
@@ -50,7 +67,7 @@ def report_on(recordings: Sequence[Recording], folder: Path, *, model: str, vers
     if not tables["forecast"].height:
         return None
     recording = of_one[0] if len(of_one) == 1 else concatenate(of_one)
-    return write_report(recording, tables, folder, model=model, version=version)
+    return write_report(recording, tables, folder, about)
 
 
 def write_picture(
@@ -99,15 +116,14 @@ def _typical(positions: pl.DataFrame, truth: pl.DataFrame) -> tuple[pl.DataFrame
     return positions.filter(*of_it).sort("horizon"), truth.filter(*of_it)
 
 
-def write_report(recording: Recording, tables: dict[str, pl.DataFrame], out: Path, *, model: str, version: str) -> Path:
+def write_report(recording: Recording, tables: dict[str, pl.DataFrame], out: Path, about: About) -> Path:
     """Writes report.html, three slides and four csv files into a folder; returns the page.
 
     Args:
         recording: that was forecast.
         tables: of its forecast: forecast, and maybe lane_change and conflicts.
         out: folder to write to.
-        model: what forecast, in words.
-        version: of rampcast.
+        about: what the page says of itself.
 
     Raises:
         OutputError: a file of such a name is there that is not of an earlier run.
@@ -121,7 +137,7 @@ def write_report(recording: Recording, tables: dict[str, pl.DataFrame], out: Pat
     }
     slides = _slides(recording, tables["forecast"], truth, found)
     values = _values(recording, found) | _uris(slides)
-    page = _environment().get_template("page.html.j2").render(values | {"model": model, "version": version})
+    page = _environment().get_template("page.html.j2").render(values | {"about": about})
     with write_outputs(out) as new:
         (new / PAGE).write_text(page, encoding="utf-8")
         for name, picture in slides.items():
@@ -178,7 +194,6 @@ def _values(recording: Recording, found: dict[str, pl.DataFrame]) -> dict[str, A
     return _verdict(recording) | {
         "site": recording.site,
         "fan": "",
-        "own": True,
         "minutes": f"{minutes:.1f}",
         "vehicles": f"{tracks.select(c.RECORDING, c.VEHICLE).n_unique():,}",
         "lanes": len(recording.site.lanes),
@@ -188,7 +203,7 @@ def _values(recording: Recording, found: dict[str, pl.DataFrame]) -> dict[str, A
         "tight": _tight(found["tight"]),
         "errors": _errors(found["errors"]),
         "reliability": _reliability(found["reliability"]),
-        "n": f"{measures.share_within(found['errors'], 1.0)['n']:,.0f}",
+        "n": f"{max(found['errors'].filter(situation='all')['n'].to_list(), default=0):,}",
     }
 
 
@@ -229,16 +244,17 @@ def _tight(table: pl.DataFrame) -> list[dict[str, str]]:
 
 
 def _errors(table: pl.DataFrame) -> list[dict[str, str]]:
+    """Returns rows of all situations at `SHOWN` horizons, then of each at those that matter most."""
     rows = []
-    for horizon in measures.SHOWN:
-        one = measures.share_within(table, horizon)
-        shares = {name: f"{one[name]:.0%}" for name in ("inside_50", "inside_90")}
-        sizes = {
-            "mean_error": f"{one['mean_error']:.1f}",
-            "crps": f"{one['crps']:.1f}",
-            "width": f"{one['width_90']:.1f}",
-        }
-        rows.append({"horizon": f"{horizon:g}", "n": f"{one['n']:,.0f}", **shares, **sizes})
+    for situation in ("all", *pictures.SITUATIONS):
+        of_it = table.filter(pl.col("situation") == situation)
+        for horizon in measures.SHOWN if situation == "all" else measures.SHOWN_OF_EACH:
+            for one in of_it.filter((pl.col("horizon") - horizon).abs() < measures.SAME_TIME).iter_rows(named=True):
+                rows.append(
+                    {"situation": situation, "horizon": f"{horizon:g}", "n": f"{one['n']:,}"}
+                    | {name: f"{one[name]:.1f}" for name in ("mean_error", "crps", "width_90")}
+                    | {name: f"{one[name]:.0%}" for name in ("inside_50", "inside_90")}
+                )
     return rows
 
 

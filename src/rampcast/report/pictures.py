@@ -36,7 +36,7 @@ def draw_fan(figure: Figure, forecast: pl.DataFrame, truth: pl.DataFrame, record
     Args:
         figure: to draw into.
         forecast: of one scene, its rows of a `forecast` table.
-        truth: of the vehicle: horizon [s], x_true [m].
+        truth: of the vehicle: horizon [s], truth [m].
         recording: what was forecast.
     """
     own = forecast.row(0, named=True)
@@ -75,7 +75,7 @@ def _draw_places(fan: Axes, forecast: pl.DataFrame, truth: pl.DataFrame, start: 
     seen = truth.sort("horizon")
     fan.plot(
         np.append(0.0, seen["horizon"].to_numpy()),
-        np.append(start, seen["x_true"].to_numpy()),
+        np.append(start, seen["truth"].to_numpy()),
         color=style.BLACK,
         linestyle=(0, (3, 1.5)),
         label="what it did",

@@ -27,6 +27,11 @@ GOOD_CAPTION = (
     "Of the vehicles that were forecast well throughout, the two whose neighbours were predicted worst: their "
     "errors can cancel in the actual leader, which is a mean of two of them."
 )
+LEAVING = (
+    "Neighbours that drive away, and forecasts to where nobody of the scene was, leave the picture at its upper or "
+    "lower edge."
+)
+NEVER = 0.005  # a true positive rate below is 0 % in whole percents
 Tables = Mapping[str, pl.DataFrame]
 Draw = Callable[..., Axes]
 
@@ -164,7 +169,7 @@ def scene_figures(tables: Tables, site: Site) -> Iterator[FigureEntry]:
                 if "title" in own.columns:
                     found.append((letter, mode, str(own["title"][0])))
         panels.sort(key=lambda panel: panel.name.partition("-")[2], reverse=True)
-        caption = f"{text} {_scene_names(found)} Letters as in Figure 1."
+        caption = f"{text} {_scene_names(found)} Letters as in Figure 1. {LEAVING}"
         yield FigureEntry(number, title, caption, tuple(panels), tuple(missing))
 
 
@@ -182,10 +187,9 @@ def _scene_names(found: Sequence[tuple[str, str, str]]) -> str:
 def classification_figure(tables: Tables) -> FigureEntry:
     """Returns Figure 10: the quality of the forests on balanced samples."""
     rows, missing = _rows(tables, "lane_change", OF_FORESTS & (pl.col("sampling") == "balanced"))
-    panels = tuple(_readings("10", rows, main=True))
-    drawn = {panel.name for panel in panels}
+    panels, silent = _readings("10", rows, main=True)
     for mode, (letter, kind) in itertools.product(modes_of(rows), (("a", "within"), ("b", "at"))):
-        if f"10{letter}-{mode}" not in drawn:
+        if rows.filter(mode=mode, kind=kind).is_empty():
             missing = (*missing, f"({letter}) no rows of kind '{kind}' for {MODE_TITLES.get(mode, mode)}")
     return FigureEntry(
         "10",
@@ -194,7 +198,7 @@ def classification_figure(tables: Tables) -> FigureEntry:
         f"{_counts(rows)} Paper mode dates lane changes by the lane label, corrected mode by the crossing of the line. "
         "Read accuracy against 50 %, which a coin reaches; Figure A5 has the natural rate of lane changes.",
         panels,
-        missing,
+        missing + silent,
     )
 
 
@@ -269,6 +273,7 @@ def _neighbour_baselines(tables: Tables) -> FigureEntry:
 
 def _own_lane_change_figures(tables: Tables) -> Iterator[FigureEntry]:
     natural, missing = _rows(tables, "lane_change", pl.col("sampling") == "natural")
+    panels, silent = _readings("A5", natural, main=True)
     yield FigureEntry(
         "A4",
         "How rare lane changes are",
@@ -282,23 +287,25 @@ def _own_lane_change_figures(tables: Tables) -> Iterator[FigureEntry]:
         f"As Figure 10, on all samples, and rampcast beside the forests. {_counts(natural)} Where lane changes are "
         "rare the positive predictive value says how far a yes can be trusted; accuracy says little, since a plain no "
         "is nearly always right.",
-        tuple(_readings("A5", natural, main=True)),
-        missing,
+        panels,
+        missing + silent,
     )
     both, missing = _rows(tables, "lane_change", OF_FORESTS)
-    others = tuple(_readings("A6", both, main=False))
-    if others:
+    others, silent = _readings("A6", both, main=False)
+    if others or silent:
         yield FigureEntry(
             "A6",
             "The other reading of a lane change",
             "As Figures 10 and A5, lane changes dated the other way. The distance to those figures is what the label's "
             "jump at the end of the ramp lane is worth (erratum 7). n is in Table A5.",
             others,
-            missing,
+            missing + silent,
         )
 
 
-def _readings(number: str, rows: pl.DataFrame, *, main: bool) -> Iterator[Panel]:
+def _readings(number: str, rows: pl.DataFrame, *, main: bool) -> tuple[tuple[Panel, ...], tuple[str, ...]]:
+    """Returns the panels of a figure, and of those that would be flat lines what they would show."""
+    panels, silent = [], []
     for mode in modes_of(rows):
         own = rows.filter(pl.col("mode") == mode)
         first = main_reading(own)
@@ -306,10 +313,31 @@ def _readings(number: str, rows: pl.DataFrame, *, main: bool) -> Iterator[Panel]
         chosen = [reading for reading in readings if (reading == first) == main]
         for reading, sampling, model in itertools.product(chosen, samplings, models):
             for letter, kind in (("a", "within"), ("b", "at")):
-                of_panel = {"reading": reading, "kind": kind, "sampling": sampling, "model": model}
-                part = own.filter(**of_panel)
-                if part.height:
-                    yield _metrics_panel(number, letter, part, mode, main=main)
+                part = own.filter(reading=reading, kind=kind, sampling=sampling, model=model)
+                if part.is_empty():
+                    continue
+                panel = _metrics_panel(number, letter, part, mode, main=main)
+                if _never_says_yes(part):
+                    silent.append(f"{panel.title}: {_silence(part)}")
+                else:
+                    panels.append(panel)
+    return tuple(panels), tuple(silent)
+
+
+def _never_says_yes(part: pl.DataFrame) -> bool:
+    rate = part["tpr"].cast(pl.Float64).drop_nulls().drop_nans() if "tpr" in part.columns else pl.Series([])
+    return len(rate) > 0 and bool((rate < NEVER).all())
+
+
+def _silence(part: pl.DataFrame) -> str:
+    """Returns what the flat lines of a model that never says yes would show."""
+    right = part["accuracy"].cast(pl.Float64).drop_nulls().drop_nans()
+    low, high = (f"{100 * float(one):.0f}" for one in (right.min(), right.max()))  # type: ignore[arg-type]
+    of = f"{low} %" if low == high else f"{low} to {high} %"
+    return (
+        "at no t is a lane change held for likelier than not, so the true positive rate is 0 % and the true negative "
+        f"rate 100 % throughout; accuracy, {of}, is the share of samples without a lane change"
+    )
 
 
 def _metrics_panel(number: str, letter: str, part: pl.DataFrame, mode: str, *, main: bool) -> Panel:
