@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 
 import polars as pl
-from measure import how_many, print_ratio
 
+from measure import how_many, print_ratio
 from rampcast.recording import read_recording
 from rampcast.simulate import shipped_sample
 
