@@ -25,7 +25,7 @@ def test_a_scene_shows_the_central_vehicle_its_forecasts_and_six_named_neighbour
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("time from now (t = 0) [s]", "position x along the road [m]")
     entries = legend_labels(ax)
     assert {"central, observed", "central, GHR", "central, IDM", "central, LSTM alone"} <= set(entries)
-    assert {"l", "f", "l1", "l2", "f1", "f2", " ramp ends"} == {text.get_text() for text in ax.texts}
+    assert {"l", "f", "l1", "l2", "f1", "f2", "ramp ends "} == {text.get_text() for text in ax.texts}
     assert_readable(ax)
 
 
@@ -43,6 +43,18 @@ def test_a_forecast_with_samples_is_the_first_and_has_its_band() -> None:
 def test_a_virtual_vehicle_far_away_does_not_squeeze_the_scene(example: pl.DataFrame) -> None:
     far = example.with_columns(x=pl.when(pl.col("slot") == "target_leader_2").then(500.0).otherwise(pl.col("x")))
     assert scene_tracks(far).get_ylim()[1] < 350.0
+
+
+def test_a_forecast_to_where_nobody_was_does_not_press_the_others_flat(example: pl.DataFrame) -> None:
+    away = pl.col("series").str.contains("GHR") & (pl.col("t") > 0)
+    far = example.with_columns(x=pl.when(away).then(2000.0).otherwise(pl.col("x")))
+    assert scene_tracks(far).get_ylim()[1] < 500.0
+
+
+def test_the_names_of_neighbours_stand_beside_each_other(example: pl.DataFrame) -> None:
+    same = example.with_columns(x=pl.when(pl.col("slot") == "central").then(pl.col("x")).otherwise(150.0))
+    places = sorted(text.get_position()[0] for text in scene_tracks(same).texts)
+    assert np.diff(places).min() > 0.5
 
 
 def test_a_line_breaks_where_samples_are_missing(example: pl.DataFrame) -> None:

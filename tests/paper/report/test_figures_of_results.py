@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rampcast.errors import RampcastError
+from rampcast.paper.report.figures import classification_figure
 from rampcast.paper.report.lane_change import base_rate, feature_importance, lane_change_metrics
 from rampcast.paper.report.longitudinal import (
     forecast_accuracy,
@@ -174,3 +175,18 @@ def test_a_table_that_lacks_a_column_is_an_error_that_names_it(three_laws: pl.Da
 def test_a_table_of_two_modes_is_an_error_that_says_so() -> None:
     with pytest.raises(RampcastError, match=r"one panel draws one mode.*\['corrected', 'paper'\]"):
         forecast_error(tidy_tables.longitudinal())
+
+
+def test_a_model_that_never_says_yes_is_told_in_words_and_not_drawn_as_flat_lines() -> None:
+    table = tidy_tables.lane_change()
+    silent = (pl.col("mode") == "corrected") & (pl.col("kind") == "at")
+    table = table.with_columns(
+        tpr=pl.when(silent).then(0.0).otherwise("tpr"), accuracy=pl.when(silent).then(0.5).otherwise("accuracy")
+    )
+    figure = classification_figure({"lane_change": table})
+    drawn = [panel.name for panel in figure.panels]
+    assert "10b-paper" in drawn
+    assert "10b-corrected" not in drawn
+    (why,) = figure.missing
+    assert "(b) at t, corrected mode" in why
+    assert "accuracy, 50 %" in why
