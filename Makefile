@@ -3,6 +3,8 @@
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
 # make view   installs and plays a simulated recording with its forecasts in the browser
 # make soak   installs and runs the live service under load for an hour (SECONDS=300: five minutes)
+# make container does in a fresh virtual environment what deploy/Dockerfile does, and tells how much [live] adds
+# make attack installs and lets hostile clients loose on the live service, while others use it
 # make pretrained   trains the model that the wheel brings along, from the recordings in RAMPCAST_DATA and the shipped ones
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +15,7 @@ IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test quick check bench bench-smoke soak docs sample pretrained clean
+.PHONY: demo view test quick check bench bench-smoke soak attack container docs sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -39,6 +41,12 @@ bench: $(VENV)/.installed-dev
 
 soak: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/bench_live.py --soak $(or $(SECONDS),3600)
+
+attack: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/attack_live.py
+
+container:
+	$(PYTHON) deploy/try_out.py
 
 bench-smoke: $(VENV)/.installed-dev
 	$(BIN)/pytest tests/test_benchmarks.py

@@ -83,7 +83,7 @@ def serving(
     listening = _listen(address)
     inside = Inside(service, listening.getsockname()[1])
     inside.app = app
-    server = _server(app, replace(address, token=guard.token if guard else None))
+    server = _server(app, replace(address, token=guard.token if guard else None), listening)
     started = threading.Event()
 
     def run() -> None:

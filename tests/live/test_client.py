@@ -102,3 +102,15 @@ def test_a_client_goes_on_where_the_service_was_started_anew(monkeypatch):
         assert next(messages)["site"] == "i80"
         messages.close()
         client.close()
+
+
+def test_alarms_are_awaited_without_loss(inside):
+    before = inside.station.alarms.number
+    inside.on_loop(lambda: [inside.station.alarms.set("awaited", n, is_on=True) for n in range(3)])
+
+    async def three() -> list[int]:
+        client = AsyncClient(inside.address, token=TOKEN, site="i80")
+        async with aclosing(client.follow_alarms(after=before)) as alarms:
+            return [(await anext(alarms))["subject"] for _ in range(3)]
+
+    assert asyncio.run(three()) == [0, 1, 2]

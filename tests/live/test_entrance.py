@@ -20,6 +20,7 @@ from rampcast.live.guard import Bucket, Guard
 from rampcast.live.serving import Address
 from rampcast.live.sources import source_of
 from rampcast.live.station import Station
+from rampcast.recording import read_recording
 from rampcast.sites import load_site
 from tests.live.in_thread import Inside, serving
 
@@ -70,9 +71,9 @@ def test_a_datagram_door_off_the_loopback_needs_a_token_and_no_password_stands_i
     stations = {"i80": Station("i80", load_site("i80"))}
     monkeypatch.delenv(guard.TOKEN, raising=False)
     with pytest.raises(RampcastError, match="token"):
-        source_of("udp://0.0.0.0:9000", stations)
+        source_of("udp://0.0.0.0:9000", stations, read_recording)
     with pytest.raises(RampcastError, match="no secrets") as refused:
-        source_of("mqtt://user:secret@host/x", stations)
+        source_of("mqtt://user:secret@host/x", stations, read_recording)
     assert "secret@" not in str(refused.value)
 
 

@@ -447,6 +447,32 @@ def test_a_jump_of_the_clock_forgets_what_was_before(service, page):
     assert page.evaluate("[...window.rampcast.store.frame.vehicles.values()].every((one) => one.q === undefined)")
 
 
+PANELS = ("road", "ramp", "diagram", "alarms", "trust")
+LONGEST = "25 samples, 2 forecasts a second"
+
+
+@pytest.mark.parametrize("page", [DESK, PHONE], ids=["desk", "phone"], indirect=True)
+def test_a_banner_moves_no_panel_and_can_be_read(service, page):
+    service.say(status(), state(0.0), forecast(0.0))
+    until(
+        page, "document.getElementById('state').textContent === 'live'", lambda: service.say(state(0.0), forecast(0.0))
+    )
+    before = {name: page.locator(f".panel.{name}").bounding_box() for name in PANELS}
+
+    def degrade() -> None:
+        service.say(state(0.1), forecast(0.1, degraded=LONGEST))
+
+    until(page, "document.getElementById('banner').textContent.startsWith('Degraded')", degrade)
+    assert {name: page.locator(f".panel.{name}").bounding_box() for name in PANELS} == before
+    banner = page.locator("#banner")
+    assert banner.evaluate("(one) => one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight")
+    box, size = banner.bounding_box(), page.viewport_size
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= size["width"]
+    facts = page.locator(".facts").bounding_box()
+    assert box["x"] + box["width"] <= facts["x"] or box["y"] >= facts["y"] + facts["height"]
+
+
 @pytest.mark.parametrize("page", [DESK, PHONE], ids=["desk", "phone"], indirect=True)
 def test_nothing_is_cut_off_or_overlaps_on_a_desk_and_on_a_phone(service, page):
     service.replay = REPLAY

@@ -65,13 +65,27 @@ def test_a_replay_is_stopped_stepped_and_moved(running):
 
 
 @pytest.mark.slow
+def test_the_forecaster_leaves_signals_that_end_the_service_to_it(running):
+    (forecaster,) = forecasters_of(running)
+    for ending in (signal.SIGTERM, signal.SIGINT):
+        os.kill(forecaster, ending)
+    with running.live() as socket:
+        next_of(socket, "forecast")
+    assert forecasters_of(running) == [forecaster]
+    assert running.get("/v1/sites/simulated/status")["starts"] == 1
+
+
+def forecasters_of(running: Running) -> list[int]:
+    """Returns the processes that the service has started."""
+    found = subprocess.run(["pgrep", "-P", str(running.process.pid)], capture_output=True, text=True, check=True)
+    return [int(one) for one in found.stdout.split()]
+
+
+@pytest.mark.slow
 def test_forecasts_are_back_after_the_forecaster_was_killed(running):
     with running.live() as socket:
         next_of(socket, "forecast")
-        worker = subprocess.run(
-            ["pgrep", "-P", str(running.process.pid)], capture_output=True, text=True, check=True
-        ).stdout.split()
-        os.kill(int(worker[0]), signal.SIGKILL)
+        os.kill(forecasters_of(running)[0], signal.SIGKILL)
         next_of(socket, "status", lambda one: one["stale"] == "forecaster")
         next_of(socket, "state")
         began = time.monotonic()

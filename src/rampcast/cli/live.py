@@ -8,12 +8,14 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import AnyModel
+from rampcast.cli.options import AnyModel, FormatName, MappingFile, SkipBadRows
+from rampcast.cli.reading import Reading, read_raw
 from rampcast.errors import RampcastError
 
 if TYPE_CHECKING:
     from rampcast.live.service import Choices, Source
     from rampcast.live.station import Station
+    from rampcast.recording import Recording
 
 TOKEN = "RAMPCAST_TOKEN"  # as in rampcast.live.guard, which is not imported for the help
 
@@ -23,7 +25,7 @@ Sources = Annotated[
     list[str] | None,
     typer.Option(
         "--source",
-        help="A recording, udp://HOST:PORT, mqtt://HOST/PREFIX, sumo://SITE, or - (lines); clients may always.",
+        help="A recording (any form that rampcast reads), udp://HOST:PORT, mqtt://HOST/PREFIX, sumo://SITE, - (lines).",
     ),
 ]
 Origin = Annotated[
@@ -65,6 +67,9 @@ def serve(
     behind_proxy: BehindProxy = False,
     allow_host: Hosts = None,
     allow_origin: Origins = None,
+    format: FormatName = None,
+    mapping: MappingFile = None,
+    skip_bad_rows: SkipBadRows = False,
 ) -> None:
     """Serves forecasts of sites while frames come in, and a page in the browser that shows them.
 
@@ -75,7 +80,8 @@ def serve(
 
     may_ask, may_use = tuple(allow_host or ()), tuple(allow_origin or ())
     address = Address(host, port, certificate, key, behind_proxy, token_of(token_file), may_ask, may_use)
-    stations, sources = parts_of(site or [], source or [], origin or [], speed=speed, repeats=repeat)
+    reading = Reading(only_site(site or []), format, mapping, skip_bad_rows)
+    stations, sources = parts_of(site or [], source or [], origin or [], reading, speed=speed, repeats=repeat)
     names = ", ".join(one.name for one in stations)
     run(
         stations,
@@ -86,8 +92,13 @@ def serve(
     )
 
 
+def only_site(sites: list[str]) -> str | None:
+    """Returns the site that recordings are read for; None, where there are none or several, leaves it to the file."""
+    return sites[0] if len(sites) == 1 else None
+
+
 def parts_of(
-    sites: list[str], sources: list[str], origins: list[str], *, speed: float, repeats: bool
+    sites: list[str], sources: list[str], origins: list[str], reading: Reading, *, speed: float, repeats: bool
 ) -> "tuple[list[Station], list[Source]]":
     """Returns the sites, and what gives them frames.
 
@@ -99,7 +110,11 @@ def parts_of(
     from rampcast.sites import load_site
 
     stations = {one.name: Station(one.name, one) for one in map(load_site, sites)}
-    found = [source_of(source, stations, speed=speed, repeats=repeats) for source in sources]
+
+    def read(path: Path) -> "Recording":
+        return read_raw([path], reading)
+
+    found = [source_of(source, stations, read, speed=speed, repeats=repeats) for source in sources]
     if not stations:
         raise RampcastError("no site was given: name one with --site, or a recording with --source")
     for origin in origins:

@@ -133,8 +133,41 @@ def _checked(answer: httpx.Response) -> Any:
     raise RampcastError(f"{answer.request.url.path}: the service answered {answer.status_code}: {text}")
 
 
-def _pause(failures: int) -> float:
-    return min(PAUSE * 2.0**failures, LONGEST)
+@dataclass
+class _Course:
+    """What one follows at a door of the service, and how far one has come: the same for who waits and who awaits."""
+
+    path: str
+    first: str | None = None
+    kinds: tuple[str, ...] = ()
+    after: int | None = None
+    failures: int = 0
+
+    @property
+    def door(self) -> str:
+        return self.path if self.after is None else f"{self.path}?after={self.after}"
+
+    def take(self, text: str | bytes) -> dict[str, Any] | None:
+        """Returns the message; None if it is of a kind that was not asked for."""
+        message: dict[str, Any] = msgspec.json.decode(text)
+        self.failures = 0
+        if self.after is not None:
+            self.after = message.get("number", self.after)
+        return message if not self.kinds or message["type"] in self.kinds else None
+
+    def pause(self) -> float:
+        """Returns how long to wait until the service is called again [s], longer each time."""
+        self.failures += 1
+        return min(PAUSE * 2.0 ** (self.failures - 1), LONGEST)
+
+
+def _messages(kinds: tuple[str, ...], token: str | None) -> _Course:
+    first = msgspec.json.encode({"want": kinds or None, "token": token}).decode()
+    return _Course("live?first=1", first, kinds)
+
+
+def _frame(t_ms: int | float, objects: list[dict[str, Any]], seq: int | None) -> str:
+    return msgspec.json.encode({"v": 1, "t_ms": t_ms, "objects": objects, "seq": seq}).decode()
 
 
 def _give_up(error: Exception) -> None:
@@ -225,39 +258,29 @@ class Client:
 
     def messages(self, *kinds: str) -> Iterator[dict[str, Any]]:
         """Yields messages of those kinds, "state", "forecast" and "status"; of all without any."""
-        failures = 0
-        while True:
-            try:
-                with self._connected("live?first=1") as line:
-                    line.send(msgspec.json.encode({"want": kinds or None, "token": self._where.token}).decode())
-                    for text in line:
-                        message = msgspec.json.decode(text)
-                        failures = 0
-                        if not kinds or message["type"] in kinds:
-                            yield message
-            except GONE as error:
-                _give_up(error)
-            time.sleep(_pause(failures))
-            failures += 1
+        return self._follow(_messages(kinds, self._where.token))
 
     def follow_alarms(self, after: int = 0) -> Iterator[dict[str, Any]]:
         """Yields each alarm after that number, none left out, also those of a time without a connection."""
-        failures = 0
+        return self._follow(_Course("alarms", after=after))
+
+    def _follow(self, course: _Course) -> Iterator[dict[str, Any]]:
         while True:
             try:
-                with self._connected(f"alarms?after={after}") as line:
+                with self._connected(course.door) as line:
+                    if course.first is not None:
+                        line.send(course.first)
                     for text in line:
-                        message = msgspec.json.decode(text)
-                        failures, after = 0, message.get("number", after)
-                        yield message
+                        message = course.take(text)
+                        if message is not None:
+                            yield message
             except GONE as error:
                 _give_up(error)
-            time.sleep(_pause(failures))
-            failures += 1
+            time.sleep(course.pause())
 
     def send(self, t_ms: int | float, objects: list[dict[str, Any]], *, seq: int | None = None) -> None:
         """Gives the service a frame; see docs/live-messages.md. Calls it again once if the line is broken."""
-        message = msgspec.json.encode({"v": 1, "t_ms": t_ms, "objects": objects, "seq": seq}).decode()
+        message = _frame(t_ms, objects, seq)
         try:
             self._line().send(message)
         except GONE as error:
@@ -302,37 +325,27 @@ class AsyncClient:
         async for message in self.messages("forecast"):
             yield live_forecast(message)
 
-    async def messages(self, *kinds: str) -> AsyncIterator[dict[str, Any]]:
+    def messages(self, *kinds: str) -> AsyncIterator[dict[str, Any]]:
         """Yields messages of those kinds; see `Client.messages`."""
-        failures = 0
+        return self._follow(_messages(kinds, self._where.token))
+
+    def follow_alarms(self, after: int = 0) -> AsyncIterator[dict[str, Any]]:
+        """Yields each alarm after that number, none left out; see `Client.follow_alarms`."""
+        return self._follow(_Course("alarms", after=after))
+
+    async def _follow(self, course: _Course) -> AsyncIterator[dict[str, Any]]:
         while True:
             try:
-                async with await self._connected("live?first=1") as line:
-                    await line.send(msgspec.json.encode({"want": kinds or None, "token": self._where.token}).decode())
+                async with await self._connected(course.door) as line:
+                    if course.first is not None:
+                        await line.send(course.first)
                     async for text in line:
-                        message = msgspec.json.decode(text)
-                        failures = 0
-                        if not kinds or message["type"] in kinds:
+                        message = course.take(text)
+                        if message is not None:
                             yield message
             except GONE as error:
                 _give_up(error)
-            await asyncio.sleep(_pause(failures))
-            failures += 1
-
-    async def follow_alarms(self, after: int = 0) -> AsyncIterator[dict[str, Any]]:
-        """Yields each alarm after that number, none left out; see `Client.follow_alarms`."""
-        failures = 0
-        while True:
-            try:
-                async with await self._connected(f"alarms?after={after}") as line:
-                    async for text in line:
-                        message = msgspec.json.decode(text)
-                        failures, after = 0, message.get("number", after)
-                        yield message
-            except GONE as error:
-                _give_up(error)
-            await asyncio.sleep(_pause(failures))
-            failures += 1
+            await asyncio.sleep(course.pause())
 
     async def _connected(self, door: str) -> AsyncConnection:
         self._where.site = self._where.site or self._where.chosen(await self.sites())

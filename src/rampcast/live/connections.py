@@ -2,8 +2,12 @@
 
 import asyncio
 import contextlib
+import math
 import resource
 import socket
+import time
+from collections import Counter
+from collections.abc import Collection
 from typing import Any, Final, cast
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -15,6 +19,8 @@ PATIENCE: Final = 10.0  # [s] in which the head of a request has to come
 FAREWELL: Final = 2.0  # [s] that one who was let go has to take what is on its way
 BUFFER: Final = 256 * 1024  # bytes that wait in the kernel for one who is slow
 SPARE_FILES: Final = 256  # descriptors beside those of connections
+AT_ONCE: Final = 64  # connections that are taken, or hung up on, before others have their turn
+RECOUNT: Final = 0.02  # [s] for which a count of those who are in is believed
 
 
 class Connections(H11Protocol):
@@ -41,6 +47,36 @@ class Connections(H11Protocol):
             self.transport.abort()
             return
         self.loop.call_later(PATIENCE, self._look)
+
+
+class Listening(socket.socket):
+    """A socket that hangs up on who has too many connections, before anything is made for them.
+
+    Ten thousand that come at once would keep the service from all else for seconds, were each taken first.
+
+    Attributes:
+        inside: those who are in; they have a `client`.
+    """
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.inside: Collection[Any] = ()
+        self._clients: Counter[str] = Counter()
+        self._counted = -math.inf
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Returns the next connection of one who may have it."""
+        if time.monotonic() - self._counted > RECOUNT:
+            clients = (getattr(one, "client", None) for one in self.inside)
+            self._clients, self._counted = Counter(client[0] for client in clients if client), time.monotonic()
+        for _ in range(AT_ONCE):
+            connection, address = super().accept()
+            self._clients[address[0]] += 1
+            if self._clients[address[0]] <= MOST_OF_ONE and self._clients.total() <= MOST:
+                return connection, address
+            self._clients[address[0]] -= 1
+            connection.close()
+        raise BlockingIOError("others have their turn")
 
 
 class WebSockets(WebSocketsSansIOProtocol):

@@ -17,7 +17,7 @@ from rampcast.live.v2x import advice_of, frames_of_v2x
 from rampcast.live.viewers import Viewer
 
 WAITING: Final = 20  # messages of the broker that wait; more are a burst after a pause, of which the newest count
-PAUSE: Final = 0.25  # [s] until the broker is called again
+SOONEST, LATEST = 0.05, 1.0  # [s] until the broker is called again, twice as long each time
 ADVICE: Final = 1.0  # [s] between two messages of advice
 KINDS: Final = ("tracks", "cpm", "detected")
 
@@ -50,7 +50,9 @@ class Broker:
             import aiomqtt
         except ImportError as error:
             raise MissingExtra('MQTT needs another package; run: pip install "rampcast[streams]"') from error
+        pause = SOONEST
         while True:
+            before = self.connects
             try:
                 async with aiomqtt.Client(
                     self.host,
@@ -65,7 +67,8 @@ class Broker:
                     await self._connected(client, service)
             except aiomqtt.MqttError as error:
                 log("broker_gone", host=self.host, text=str(error)[:200])
-            await asyncio.sleep(PAUSE)
+            pause = SOONEST if self.connects > before else min(2.0 * pause, LATEST)
+            await asyncio.sleep(pause)
 
     async def _connected(self, client: Any, service: Service) -> None:
         self.connects += 1

@@ -5,7 +5,6 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, Final
 
 import msgspec
@@ -18,7 +17,6 @@ from rampcast.live.frames import VERSION, Frame, Seen
 from rampcast.live.service import Service
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
-from rampcast.recording.recording import read_recording
 from rampcast.traffic.moments import SPAN
 
 SLOWEST, QUICKEST = 0.05, 100.0  # times as quick as it was recorded
@@ -211,11 +209,6 @@ class Replay:
             station = self._service.stations[self.station]
             station.rests = not self.state["playing"]
             self._service.say(station)
-
-
-def replay_of(path: str | Path, station: str, **choices: Any) -> Replay:
-    """Returns the replay of a recording's parquet file."""
-    return Replay(read_recording(Path(path)), station, **choices)
 
 
 class Control(msgspec.Struct):

@@ -67,10 +67,10 @@ class Service:
             station.place = place
         chosen = self.choices
         sites = [
-            WorkerSite(one.name, site_to_dict(one.site), chosen.model, chosen.recalibrates, chosen.degrades)
+            WorkerSite(one.name, site_to_dict(one.site), chosen.model, chosen.recalibrates)
             for one in self.stations.values()
         ]
-        self.supervisor = Supervisor(Work(sites, chosen.threads), self._answered)
+        self.supervisor = Supervisor(Work(sites, chosen.degrades, chosen.threads), self._answered)
 
     async def start(self) -> None:
         """Starts the process that forecasts, the sources, and the watch over both."""
@@ -80,10 +80,12 @@ class Service:
 
     async def stop(self) -> None:
         """Ends all of it."""
+        log("stopping")
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self.supervisor.close()
+        log("stopped", **{name: station.seq for name, station in self.stations.items()})
 
     @property
     def is_ready(self) -> bool:

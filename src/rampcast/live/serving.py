@@ -121,14 +121,14 @@ def serve(
     log("listening", address=where, sites=[*service.stations])
     if announce is not None:
         announce(where)
-    asyncio.run(_server(app, address).serve(sockets=[listening]))
+    asyncio.run(_server(app, address, listening).serve(sockets=[listening]))
 
 
-def _server(app: Any, address: Address) -> Any:
+def _server(app: Any, address: Address, listening: Any) -> Any:
     """Returns the server of an application, with bounds on all that clients can ask for."""
     import uvicorn
 
-    from rampcast.live.connections import Connections, WebSockets, allow_files
+    from rampcast.live.connections import AT_ONCE, Connections, WebSockets, allow_files
 
     allow_files()
     config = uvicorn.Config(
@@ -142,12 +142,15 @@ def _server(app: Any, address: Address) -> Any:
         ws_ping_timeout=20.0,
         ws_per_message_deflate=False,  # it ruins the fan-out: 4.7 messages a second to 50 viewers
         server_header=False,
+        backlog=AT_ONCE,
         timeout_graceful_shutdown=2,
         ssl_certfile=address.certificate,
         ssl_keyfile=address.key,
         proxy_headers=address.behind_proxy,
     )
-    return uvicorn.Server(config)
+    server = uvicorn.Server(config)
+    listening.inside = server.server_state.connections
+    return server
 
 
 def _shown(host: str) -> str:
@@ -155,8 +158,10 @@ def _shown(host: str) -> str:
 
 
 def _listen(address: Address) -> socket.socket:
+    from rampcast.live.connections import Listening
+
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
-    made = socket.socket(family, socket.SOCK_STREAM)
+    made = Listening(family, socket.SOCK_STREAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind((address.host, address.port))

@@ -1,6 +1,7 @@
 """Where frames come from, as the command line and compose files name it: `udp://`, `mqtt://`, `-`, or a recording."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import SplitResult, urlsplit
@@ -14,20 +15,21 @@ from rampcast.live.replay import Replay
 from rampcast.live.service import Source
 from rampcast.live.station import Station
 from rampcast.live.sumo import Sumo
-from rampcast.recording.recording import read_recording
+from rampcast.recording import Recording
 
 UDP_PORT: Final = 8481
 SCHEMES: Final = ("udp", "mqtt", "mqtts", "sumo")
 PASSWORD: Final = "RAMPCAST_MQTT_PASSWORD"  # of the environment
 
 
-def source_of(text: str, stations: dict[str, Station], **replayed: Any) -> Source:
+def source_of(text: str, stations: dict[str, Station], read: Callable[[Path], Recording], **replayed: Any) -> Source:
     """Returns the source that a text names; a recording brings its site with it, if that is not there yet.
 
     Args:
         text: `udp://HOST:PORT`, `mqtt://HOST:PORT/PREFIX`, `sumo://SITE`, `-` for lines of the input stream, or the
             path of a recording.
         stations: the sites by their ids.
+        read: gives the recording in a file.
         replayed: how a recording is replayed; see `Replay`.
 
     Raises:
@@ -36,8 +38,11 @@ def source_of(text: str, stations: dict[str, Station], **replayed: Any) -> Sourc
     if text == "-":
         return Lines()
     where = urlsplit(text)
-    if where.scheme not in SCHEMES or "://" not in text:
-        return _replay(text, stations, replayed)
+    if "://" not in text:
+        return _replay(read(Path(text)), stations, replayed)
+    if where.scheme not in SCHEMES:
+        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+        raise RampcastError(f"--source {where.scheme}://...: expected {known}, - for lines, or a recording's file")
     if where.password is not None:
         raise RampcastError(f"--source {where.scheme}://...: no secrets in addresses; put the password into {PASSWORD}")
     if where.scheme == "sumo":
@@ -56,8 +61,7 @@ def _host(where: SplitResult) -> str:
     return where.hostname
 
 
-def _replay(text: str, stations: dict[str, Station], replayed: dict[str, Any]) -> Replay:
-    recording = read_recording(Path(text))
+def _replay(recording: Recording, stations: dict[str, Station], replayed: dict[str, Any]) -> Replay:
     name = recording.site.name
     stations.setdefault(name, Station(name, recording.site))
     return Replay(recording, name, **replayed)

@@ -19,7 +19,7 @@ from rampcast.live.work import SIZE, Answer, Work
 
 LONGEST: Final = 32 << 20  # bytes of an answer
 HANGS: Final = 120.0  # [s] without an answer, after which the process is ended: it may be compiling
-FIRST: Final = 180.0  # [s] until it is ready, at most: compiling anew takes a minute
+FIRST: Final = 600.0  # [s] without a word before it is ready: compiling anew takes a minute, many on a busy machine
 AGAIN: Final = (0.0, 1.0, 5.0, 15.0)  # [s] until it is started anew, longer with each start that came to nothing
 
 
@@ -45,6 +45,7 @@ class Supervisor:
     _line: socket.socket | None = None
     _asked: float | None = None
     _began: float = 0.0
+    _heard: float = 0.0
 
     def __post_init__(self) -> None:
         self._memory = shared_memory(len(self.work.sites))
@@ -76,10 +77,11 @@ class Supervisor:
         """Returns whether the process was ever ready, when it is gone."""
         ours, theirs = socket.socketpair()
         self.starts, self._began = self.starts + 1, time.monotonic()
+        self._heard = self._began
         with theirs:
             self.process = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", "rampcast.live.worker", str(self._memory), str(theirs.fileno()),
-                pass_fds=(self._memory, theirs.fileno()), stdin=asyncio.subprocess.DEVNULL,
+                pass_fds=(self._memory, theirs.fileno()), stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
         ours.setblocking(False)
         self._line = ours
@@ -91,10 +93,12 @@ class Supervisor:
         try:
             while True:
                 answer = await _next(reader)
-                self._asked = None
+                self._asked, self._heard = None, time.monotonic()
+                if answer.kind == "warming":
+                    continue
                 if answer.kind == "ready":
                     self.is_ready = became_ready = True
-                    log("forecaster_ready", seconds=round(time.monotonic() - self._began, 2))
+                    log("forecaster_ready", seconds=round(self._heard - self._began, 2))
                 self.answered(answer)
                 if answer.kind == "ready":
                     self.tell()
@@ -105,11 +109,11 @@ class Supervisor:
             writer.close()
 
     async def _guard(self) -> None:
-        """Ends a process that takes too long to become ready, or to answer."""
+        """Ends a process that says nothing for too long."""
         while True:
             await asyncio.sleep(1.0)
             now = time.monotonic()
-            slow = not self.is_ready and now - self._began > FIRST
+            slow = not self.is_ready and now - self._heard > FIRST
             if slow or (self._asked is not None and now - self._asked > HANGS):
                 log("forecaster_hangs")
                 self._kill()

@@ -15,13 +15,13 @@ class WorkerSite(msgspec.Struct):
     site: dict[str, Any]
     model: str
     recalibrates: bool
-    degrades: bool
 
 
 class Work(msgspec.Struct):
     """All that the process is told at its beginning."""
 
     sites: list[WorkerSite]
+    degrades: bool = True
     threads: int | None = None
 
 
@@ -29,7 +29,7 @@ class Answer(msgspec.Struct):
     """What the process gives back.
 
     Attributes:
-        kind: "ready", "forecast" or "failed".
+        kind: "warming" (a forecast of made-up traffic is done), "ready", "forecast" or "failed".
         site: place of the site in the list.
         json, binary: the message.
         note: seq, epoch, t_obs_ms and t_in_ms of the frame that it is of.

@@ -1,13 +1,16 @@
 """The process that forecasts: takes the newest snapshot of each site in turn, and gives messages back.
 
 It is started by `supervisor`, as `python -m rampcast.live.worker`, with two descriptors: the shared memory, and a
-socket over which it is told that there is something new, and over which it answers. It ends when that is closed.
+socket over which it is told that there is something new, and over which it answers. It ends when that is closed; a
+signal that ends the service, and that systemd sends to both, is left to the other one.
 """
 
 import os
+import signal
 import socket
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from select import select as wait_for
 from typing import Any, Final
@@ -17,6 +20,7 @@ import numpy as np
 
 from rampcast.forecast.forecaster import Forecaster
 from rampcast.forecast.storage import load
+from rampcast.live.degrading import Degrading
 from rampcast.live.frames import VERSION
 from rampcast.live.newest import Newest
 from rampcast.live.tick import Tick
@@ -33,23 +37,35 @@ POLITE: Final = 5  # by which it gives way to the process that takes frames in a
 def main(memory: int, descriptor: int) -> None:
     """Forecasts until the socket is closed."""
     os.nice(POLITE)
+    for ending in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ending, signal.SIG_IGN)
     line = socket.socket(fileno=descriptor)
     work = msgspec.msgpack.decode(_exactly(line, SIZE.unpack(_exactly(line, SIZE.size))[0]), type=Work)
     newest = Newest(memory, len(work.sites))
     with choosing_threads(work.threads):
-        ticks = [_tick(site) for site in work.sites]
+        ticks = _ticks(work)
         for tick in ticks:
-            warm(tick)
+            for _ in warm(tick):
+                _answer(line, Answer("warming"))
         _answer(line, Answer("ready"))
         _forecast_for_ever(line, newest, ticks)
 
 
-def _tick(site: WorkerSite) -> Tick:
-    forecaster = load(site.model if site.model == "pretrained" else Path(site.model))
-    assert isinstance(forecaster, Forecaster)  # `serve` has looked
-    tick = Tick(site.name, site_from_dict(site.site), forecaster, site.recalibrates)
-    tick.degrading.is_on = site.degrades
-    return tick
+def _ticks(work: Work) -> list[Tick]:
+    """Returns the ticks of all sites: they share their time, and so what is left out where there is too little."""
+    forecasters = {name: _forecaster(name) for name in {site.model for site in work.sites}}
+    degrading = Degrading(is_on=work.degrades)
+    return [_tick(site, forecasters[site.model], degrading) for site in work.sites]
+
+
+def _forecaster(model: str) -> Forecaster:
+    found = load(model if model == "pretrained" else Path(model))
+    assert isinstance(found, Forecaster)  # `serve` has looked
+    return found
+
+
+def _tick(site: WorkerSite, forecaster: Forecaster, degrading: Degrading) -> Tick:
+    return Tick(site.name, site_from_dict(site.site), forecaster, site.recalibrates, degrading)
 
 
 def _forecast_for_ever(line: socket.socket, newest: Newest, ticks: list[Tick]) -> None:
@@ -81,8 +97,8 @@ def _forecast(place: int, tick: Tick, snapshot: Snapshot, note: dict[str, Any]) 
     )
 
 
-def warm(tick: Tick) -> None:
-    """Forecasts made-up traffic of every sort, so that no real forecast waits for the compiler.
+def warm(tick: Tick) -> Iterator[None]:
+    """Forecasts made-up traffic of every sort, so that no real forecast waits for the compiler; yields after each.
 
     It compiles anew where arrays are of another layout, as they are of a vehicle alone.
     """
@@ -91,6 +107,7 @@ def warm(tick: Tick) -> None:
     for there in ((1, 2, 3), (1,), (2,), (2, 3)):
         rows = select(whole.rows, np.flatnonzero(np.isin(whole.rows.vehicle, there)))
         tick.forecast(Snapshot(rows, whole.t0, {}), note)
+        yield
 
 
 def _made_up(site: Site) -> Snapshot:
