@@ -84,6 +84,7 @@ def serving(
     inside = Inside(service, listening.getsockname()[1])
     inside.app = app
     server = _server(app, replace(address, token=guard.token if guard else None), listening)
+    inside.open = server.server_state.connections
     started = threading.Event()
 
     def run() -> None:

@@ -60,11 +60,14 @@ class Running:
     def live(self, site: str = "simulated", door: str = "live", **asked):
         return connect(self.address.replace("http", "ws") + f"/v1/sites/{site}/{door}", **asked)
 
-    def stop(self) -> None:
+    def stop(self) -> list[dict]:
+        """Ends the service; returns what it has logged."""
         self.process.send_signal(signal.SIGINT)
+        self.events += [json.loads(line) for line in self.process.stderr if line.startswith("{")]
         self.process.wait(20)
         for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
             stream.close()
+        return self.events
 
 
 def next_of(socket, kind: str, ready=lambda message: True) -> dict:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import threading
+import time
 from contextlib import aclosing
 
 import numpy as np
@@ -32,16 +33,17 @@ def inside():
         yield made
 
 
-def publish_soon(inside: Inside, count: int) -> threading.Timer:
+def publish_soon(inside: Inside, count: int) -> None:
     """Publishes forecasts once somebody watches."""
 
     def publish() -> None:
+        deadline = time.monotonic() + 30.0
+        while not len(inside.station.viewers) and time.monotonic() < deadline:
+            time.sleep(0.02)
         for number in range(count):
             inside.on_loop(lambda number=number: inside.station.viewers.publish("forecast", told(100.0 * number)))
 
-    timer = threading.Timer(0.5, publish)
-    timer.start()
-    return timer
+    threading.Thread(target=publish, daemon=True).start()
 
 
 def test_forecasts_come_as_arrays(inside):

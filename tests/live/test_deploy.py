@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import runpy
 import subprocess
 import tomllib
@@ -18,10 +19,13 @@ from rampcast.live.sources import source_of
 from rampcast.live.station import Station
 from rampcast.recording import read_recording
 from rampcast.sites import load_site
+from tests.live.in_thread import serving
 from tests.live.test_doors import MOSQUITTO, free_port, reachable
 
 PROJECT = Path(__file__).parents[2]
 DEPLOY = PROJECT / "deploy"
+METRIC = re.compile(r"\b(?:rampcast|process)_[a-z_]+")
+OF = ("forecast", "tick")  # what is counted of a forecast
 yaml = pytest.importorskip("yaml", reason="needs PyYAML, which the docs bring along")
 
 
@@ -71,6 +75,19 @@ def test_the_compose_file_names_files_services_and_variables_that_are_there(comp
     source = source_of(rampcast["command"][-1], stations, read_recording)
     assert isinstance(source, Broker)
     assert source.host in services
+
+
+def test_the_dashboard_asks_for_metrics_that_there_are():
+    panels = json.loads((DEPLOY / "dashboard.json").read_text())["panels"]
+    asked = {name for one in panels for target in one["targets"] for name in METRIC.findall(target["expr"])}
+    with serving() as inside:
+        for t_ms in (0, 100):
+            frame = {"v": 1, "t_ms": t_ms, "objects": [{"id": 1, "x": 100.0, "y": -23.9}]}
+            assert inside.ask("/v1/sites/i80/tracks", frame)[0] == 202
+        inside.on_loop(lambda: [watch(inside.station, what, 0.1) for watch in inside.service.watchers for what in OF])
+        told = {line.split("{")[0].split(" ")[0] for line in inside.ask("/metrics")[2].splitlines() if line[0] != "#"}
+    assert len(asked) > 10
+    assert asked <= told
 
 
 @pytest.mark.skipif(MOSQUITTO is None, reason="needs mosquitto: apt-get install mosquitto")

@@ -260,4 +260,5 @@ def test_a_simulation_gives_frames():
             state = next_of(viewer, "state", lambda one: len(one["vehicles"]) > 5)
         assert {one["lane"] for one in state["vehicles"]} <= {1, 2, 3, 4, 5, 6, 7}
     finally:
-        service.stop()
+        events = service.stop()
+    assert "frame_wrong" not in {one["event"] for one in events}  # SUMO's own words are no lines

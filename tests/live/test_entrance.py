@@ -2,13 +2,14 @@
 
 import contextlib
 import json
+import select
 import socket
 import threading
 import time
 from contextlib import ExitStack
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -158,7 +159,7 @@ def test_a_source_that_floods_is_sent_away(open_door, monkeypatch):
     assert 429 in answers
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])  # on a busy machine
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=20),
@@ -193,6 +194,23 @@ def test_who_says_nothing_is_hung_up_on_and_others_are_served(monkeypatch):
             one.settimeout(5)
             with contextlib.suppress(ConnectionResetError):
                 assert one.recv(100) == b""
+            one.close()
+
+
+def test_who_has_too_many_connections_is_hung_up_on_and_others_come_in(monkeypatch):
+    monkeypatch.setattr(connections, "MOST_OF_ONE", 5)
+    with serving() as inside:
+        greedy = [
+            socket.create_connection(("127.0.0.1", inside.port), 5, source_address=("127.0.0.2", 0)) for _ in range(20)
+        ]
+        hung_up, deadline = [], time.monotonic() + 5.0
+        while len(hung_up) < 15 and time.monotonic() < deadline:
+            hung_up = select.select(greedy, [], [], 0.05)[0]
+        assert len(hung_up) == 15
+        assert inside.ask("/healthz")[0] == 200
+        assert {getattr(one, "client", ("",))[0] for one in inside.open} == {"127.0.0.2"}
+        assert len(inside.open) == 5
+        for one in greedy:
             one.close()
 
 

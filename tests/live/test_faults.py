@@ -97,35 +97,43 @@ def forecaster_of(service: int) -> int:
 
 def test_a_forecaster_that_warms_up_slowly_is_left_alone_as_long_as_it_goes_on(monkeypatch):
     """Its limit counts from its last word: a busy machine may take longer in all than the limit for one forecast."""
-    monkeypatch.setattr(supervisor, "FIRST", 2.5)
     warming, ready = (_framed(kind).hex() for kind in ("warming", "ready"))
     script = (
-        "import socket, sys, time; line = socket.socket(fileno=int(sys.argv[2])); line.recv(65536)\n"
-        "for _ in range(4): time.sleep(1.0); line.sendall(bytes.fromhex('WARM'))\n"
-        "line.sendall(bytes.fromhex('READY')); line.recv(10)"
+        "import socket, sys; line = socket.socket(fileno=int(sys.argv[2])); line.recv(65536)\n"
+        f"line.sendall(bytes.fromhex('{warming}')); line.sendall(bytes.fromhex('{ready}')); line.recv(10)"
     )
-    script = script.replace("WARM", warming).replace("READY", ready)
-    seen: list[str] = []
+    plain, seen = asyncio.create_subprocess_exec, []
 
-    async def run() -> int:
-        watched = Supervisor(Work([WorkerSite("none", {}, "", False)]), lambda answer: seen.append(answer.kind))
-        plain = asyncio.create_subprocess_exec
+    async def instead(program, *arguments, **kept):
+        return await plain(program, "-c", script, *arguments[2:], **kept)
 
-        async def instead(program, *arguments, **kept):
-            return await plain(program, "-c", script, *arguments[2:], **kept)
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", instead)
 
-        monkeypatch.setattr(asyncio, "create_subprocess_exec", instead)
+    async def run() -> Supervisor:
+        watched = Supervisor(
+            Work([WorkerSite("none", {}, "", False)]), lambda answer: seen.append((answer.kind, watched._heard))
+        )
+        began = time.monotonic()
         task = asyncio.create_task(watched.run())
         async with asyncio.timeout(30):
             while not seen:
-                await asyncio.sleep(0.05)
+                await asyncio.sleep(0.02)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         watched.close()
-        return watched.starts
+        await watched.process.wait()
+        assert seen[0][0] == "ready"
+        assert seen[0][1] > began
+        return watched
 
-    assert asyncio.run(run()) == 1
-    assert seen == ["ready"]
+    watched = asyncio.run(run())
+    watched._heard = 1_000.0  # its last word before it is ready
+    assert not watched._hangs(1_000.0 + supervisor.FIRST - 1.0)
+    assert watched._hangs(1_000.0 + supervisor.FIRST + 1.0)
+    watched.is_ready, watched._asked = True, None
+    assert not watched._hangs(1e9)
+    watched._asked = 1_000.0
+    assert watched._hangs(1_000.0 + supervisor.HANGS + 1.0)
 
 
 def _framed(kind: str) -> bytes:

@@ -20,6 +20,7 @@ FAREWELL: Final = 2.0  # [s] that one who was let go has to take what is on its 
 BUFFER: Final = 256 * 1024  # bytes that wait in the kernel for one who is slow
 SPARE_FILES: Final = 256  # descriptors beside those of connections
 AT_ONCE: Final = 64  # connections that are taken, or hung up on, before others have their turn
+WAITING: Final = 1024  # connections that wait in the kernel to be taken
 RECOUNT: Final = 0.02  # [s] for which a count of those who are in is believed
 
 
@@ -63,6 +64,10 @@ class Listening(socket.socket):
         self.inside: Collection[Any] = ()
         self._clients: Counter[str] = Counter()
         self._counted = -math.inf
+
+    def listen(self, _: int = 0) -> None:
+        """Listens; more may wait than are taken at once."""
+        super().listen(WAITING)
 
     def accept(self) -> tuple[socket.socket, Any]:
         """Returns the next connection of one who may have it."""

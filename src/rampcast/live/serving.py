@@ -170,5 +170,5 @@ def _listen(address: Address) -> socket.socket:
         raise RampcastError(
             f"{address.host}:{address.port} cannot be listened at: {error.strerror}; another --port?"
         ) from error
-    made.listen(512)
+    made.listen()
     return made

@@ -112,11 +112,15 @@ class Supervisor:
         """Ends a process that says nothing for too long."""
         while True:
             await asyncio.sleep(1.0)
-            now = time.monotonic()
-            slow = not self.is_ready and now - self._heard > FIRST
-            if slow or (self._asked is not None and now - self._asked > HANGS):
+            if self._hangs(time.monotonic()):
                 log("forecaster_hangs")
                 self._kill()
+
+    def _hangs(self, now: float) -> bool:
+        """Returns whether the process has said nothing for too long."""
+        if not self.is_ready:
+            return now - self._heard > FIRST
+        return self._asked is not None and now - self._asked > HANGS
 
     def _kill(self) -> None:
         if self.process is not None and self.process.returncode is None:

@@ -6,12 +6,14 @@ SUMO runs inside the process (libsumo), which is why it is one of its own. Its v
 they do here.
 """
 
+import contextlib
 import json
+import os
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
 
@@ -36,7 +38,7 @@ WARM_UP: Final = 90.0  # [s] simulated before the first frame: about a third of 
 HOURS: Final = 2.0  # of traffic that are drawn; then it begins anew, with the next seed
 
 
-def main(speed: float, seed: int, told: dict[str, Any]) -> None:
+def main(speed: float, seed: int, told: dict[str, Any], out: TextIO) -> None:
     """Drives for ever, or until nobody reads any longer."""
     site = site_from_dict(told["site"])
     number, begun = 0, time.monotonic()
@@ -47,7 +49,7 @@ def main(speed: float, seed: int, told: dict[str, Any]) -> None:
             if wait > 0:
                 time.sleep(wait)
             frame = {"v": 1, "site": told["id"], "seq": number, "t_ms": round(1e3 * TIME_STEP * number)}
-            print(json.dumps(frame | {"objects": objects}), flush=True)
+            print(json.dumps(frame | {"objects": objects}), file=out, flush=True)
         seed += 1
 
 
@@ -123,8 +125,15 @@ def _objects(sumo: Any, site: Site, places: dict[str, tuple[int, float]], seed: 
     return found
 
 
+def output_alone() -> TextIO:
+    """Returns what the output stream was, for frames alone: what SUMO says there itself goes nowhere from now on."""
+    found = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+    return found
+
+
 if __name__ == "__main__":
-    try:
-        main(float(sys.argv[1]), int(sys.argv[2]), json.load(sys.stdin))
-    except BrokenPipeError:
-        sys.stdout = None  # nobody reads any longer, and nothing is left to be said
+    with contextlib.suppress(BrokenPipeError):  # nobody reads any longer, and nothing is left to be said
+        main(float(sys.argv[1]), int(sys.argv[2]), json.load(sys.stdin), output_alone())
