@@ -1,5 +1,7 @@
 """Event time, and what is kept of vehicles."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -162,3 +164,21 @@ def test_rows_that_no_vehicle_of_the_site_can_have_are_left_out_and_counted():
     taken = station.take(Frame(v=1, t_ms=1_000, objects=objects))
     assert taken.rows == 1
     assert station.status()["frames"]["doubtful_rows"] == 3
+
+
+def test_what_a_controller_does_comes_back_with_the_state_until_a_frame_has_none():
+    station = Station("i80", load_site("i80"))
+    control = {"rule": "alinea", "rate": 600, "with": {"vehicles": 3}, "without": {"vehicles": 5}}
+    objects = [{"id": "a", "x": 150.0, "y": -23.9, "advice": "50 km/h"}, {"id": 7, "x": 100.0, "y": -23.9}]
+
+    def told(t_ms: float, **more: object) -> dict:
+        station.take(frame_of(json.dumps({"v": 1, "t_ms": t_ms, "objects": objects, **more})))
+        return json.loads(station.state(0.0).json)
+
+    state = told(0, control=control)
+    assert state["control"] == control
+    assert {one["id"]: one.get("advice") for one in state["vehicles"]} == {"a": "50 km/h", 7: None}
+    assert "control" not in told(100)
+    for wrong in ({"rule": ["a"]}, {"with": {"a": {"b": 1}}}, {str(n): 1 for n in range(30)}, {"rule": "x" * 200}):
+        with pytest.raises(FrameError):
+            told(200, control=wrong)

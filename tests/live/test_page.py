@@ -436,6 +436,22 @@ def test_metering_and_advice_have_a_place_when_a_message_has_them(service, page)
     until(page, "!document.getElementById('control').hidden")
     assert "12 veh/min" in text(page, "#control-facts")
     assert "delay 31 s" in text(page, "#control-facts")
+    assert page.locator("#control-compared").is_hidden()
+
+
+def test_control_stands_beside_what_happens_without(service, page):
+    control = {
+        "rule": "alinea", "signal": "red",
+        "with": {"vehicles": 41, "speed": "62 km/h"}, "without": {"vehicles": 58, "longest_queue": "74 m"},
+    }  # fmt: skip
+    one, *others = state(0.0)["vehicles"]
+    service.say(state(0.0, control=control, vehicles=[one | {"advice": "50 km/h"}, *others]), forecast(0.0))
+    until(page, "!document.getElementById('control-compared').hidden")
+    assert text(page, "#control-facts").split() == ["rule", "alinea", "signal", "red"]
+    rows = [row.inner_text().split("\t") for row in page.locator("#control-rows tr").all()]
+    assert rows == [["vehicles", "41", "58"], ["speed", "62 km/h", "–"], ["longest queue", "–", "74 m"]]
+    page.keyboard.press("n")
+    until(page, "document.getElementById('vehicle-facts').innerText.includes('50 km/h')")
 
 
 def test_a_jump_of_the_clock_forgets_what_was_before(service, page):

@@ -15,6 +15,9 @@ LATEST: Final = 1 << 53  # [ms], and of whole numbers as ids: beyond, JSON is no
 
 Id = int | Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Place = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
+Told = Annotated[str, msgspec.Meta(max_length=100)] | int | float | bool | None
+Few = msgspec.Meta(max_length=20)
 Size = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 
 
@@ -36,6 +39,7 @@ class Seen(msgspec.Struct):
     width: Size | None = None
     class_: Annotated[str, msgspec.Meta(max_length=32)] | None = msgspec.field(name="class", default=None)
     lane: Annotated[int, msgspec.Meta(ge=0, le=999)] | None = None
+    advice: Annotated[str, msgspec.Meta(max_length=64)] | None = None  # that it was given
 
 
 class Frame(msgspec.Struct):
@@ -47,6 +51,7 @@ class Frame(msgspec.Struct):
         objects: vehicles.
         site: id of the site; left out where the address names it.
         seq: number of the frame, which its source counts.
+        control: what a controller of the site does, in names and values that the page shows; see docs/live-messages.md.
         token: where it comes by UDP from another machine, which has no other place for it.
     """
 
@@ -55,6 +60,7 @@ class Frame(msgspec.Struct):
     objects: Annotated[list[Seen], msgspec.Meta(max_length=MOST_OBJECTS)]
     site: Annotated[str, msgspec.Meta(max_length=64)] | None = None
     seq: Annotated[int, msgspec.Meta(ge=0, le=LATEST)] | None = None
+    control: Annotated[dict[Name, Told | Annotated[dict[Name, Told], Few]], Few] | None = None
     token: Annotated[str, msgspec.Meta(max_length=256)] | None = None
 
 

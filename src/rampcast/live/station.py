@@ -11,7 +11,7 @@ import numpy as np
 from rampcast.live.alarms import Alarms
 from rampcast.live.clock import Clock, Verdict
 from rampcast.live.earth import Earth
-from rampcast.live.frames import Frame, FrameError, Seen
+from rampcast.live.frames import Frame, FrameError, Id, Seen
 from rampcast.live.messages import Encoded, encoded, head, kind_name, known
 from rampcast.live.tracks import TrackStore, kind_of
 from rampcast.live.viewers import Viewers
@@ -68,6 +68,8 @@ class Station:
     told_by_source: Callable[[], dict[str, Any]] | None = None
     rests: bool = False  # nothing is expected to come: a replay that was stopped
     _source_seq: int | None = None
+    _control: dict[str, Any] | None = None
+    _advice: dict[Id, str] = field(default_factory=dict)
     _lanes: frozenset[int] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -91,6 +93,9 @@ class Station:
         fresh = self.store.add(frame.t_ms / 1e3, self._believable(arrays))
         if fresh or not frame.objects:
             self.seq += 1
+        if verdict is not Verdict.REORDERED:
+            self._control = frame.control
+            self._advice = {one.id: one.advice for one in frame.objects if one.advice is not None}
         return Taken(verdict, fresh, self.clock.epoch)
 
     def restart(self) -> None:
@@ -103,6 +108,8 @@ class Station:
         """Returns the message that tells where all vehicles of the newest frame are."""
         message = head("state", self.name, seq=self.seq, epoch=self.clock.epoch, t_obs_ms=self.clock.newest)
         message |= {"t_in_ms": t_in_ms, "t_pub_ms": round(1e3 * time.time(), 1), "vehicles": self._vehicles()}
+        if self._control is not None:
+            message["control"] = self._control
         return encoded(message)
 
     def note(self, t_in_ms: float) -> dict[str, Any]:
@@ -204,13 +211,14 @@ class Station:
         values = (rows["x"], rows["y"], speed, rows["length"], rows["width"])
         columns = (rows["vehicle"], *(np.round(one, 2) for one in values), lane, rows["kind"], age)
         names = self.store.names()
-        return [
+        found = [
             {
                 "id": names.get(number, number), "x": x, "y": known(y), "v": known(v), "lane": lane,
                 "length": known(length), "width": known(width), "class": kind_name(kind), "age_ms": age,
             }
             for number, x, y, v, length, width, lane, kind, age in zip(*(one.tolist() for one in columns), strict=True)
         ]  # fmt: skip
+        return [one | {"advice": self._advice[one["id"]]} if one["id"] in self._advice else one for one in found]
 
 
 def lanes_by_place(site: Site, y: np.ndarray) -> np.ndarray:

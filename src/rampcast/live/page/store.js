@@ -28,7 +28,7 @@ export class Store {
 
   // Takes a message in that tells where vehicles are; returns whether the clock jumped.
   takeState(message, now) {
-    const frame = { t: message.t_obs_ms / 1000, ms: message.t_obs_ms, epoch: message.epoch ?? 0, seq: message.seq, vehicles: new Map() };
+    const frame = { t: message.t_obs_ms / 1000, ms: message.t_obs_ms, epoch: message.epoch ?? 0, seq: message.seq, control: message.control ?? null, vehicles: new Map() };
     for (const one of message.vehicles) frame.vehicles.set(one.id, { ...one, length: one.length ?? 4.5, width: one.width ?? 1.8 });
     const last = this.frame;
     const jumped = last !== null && (frame.epoch !== last.epoch || frame.t < last.t - 1e-6 || frame.t > last.t + JUMP);
@@ -68,7 +68,7 @@ export class Store {
       if (!found) continue;
       Object.assign(one, {
         q: found.q, p_merged: found.p_merged ?? null, gap: found.gap ?? {}, gaps: found.gaps ?? null,
-        conflicts: found.conflicts ?? null, advice: found.advice ?? null, on_ramp: found.on_ramp,
+        conflicts: found.conflicts ?? null, advice: found.advice ?? one.advice ?? null, on_ramp: found.on_ramp,
       });
     }
   }

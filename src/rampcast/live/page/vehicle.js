@@ -35,16 +35,30 @@ export class VehicleCard {
   }
 }
 
-// Metering and advice beside what happens without: shown only where a message has it.
+// Metering and advice, and what it brings beside what happens without: shown only where a message has it.
 export class ControlCard {
   constructor(store) { this.store = store; }
 
   draw() {
-    const control = this.store.forecast?.control;
+    const control = this.store.frame?.control ?? this.store.forecast?.control;
     byId("control").hidden = !control;
     if (!control) return;
-    byId("control-facts").replaceChildren(...facts(Object.entries(control).map(([name, value]) => [name.replaceAll("_", " "), words(value)])));
+    const { with: own, without: other, ...rest } = control;
+    const compared = isTold(own) && isTold(other);
+    const shown = Object.entries(compared ? rest : control);
+    byId("control-facts").replaceChildren(...facts(shown.map(([name, value]) => [name.replaceAll("_", " "), words(value)])));
+    byId("control-compared").hidden = !compared;
+    if (compared) byId("control-rows").replaceChildren(...rows(own, other));
   }
+}
+
+const isTold = (value) => typeof value === "object" && value !== null && !Array.isArray(value);
+
+// One row for each name: what happens with control, and without.
+function rows(own, other) {
+  const names = [...new Set([...Object.keys(own), ...Object.keys(other)])];
+  return names.map((name) => element("tr", {}, element("th", { scope: "row", textContent: name.replaceAll("_", " ") }),
+    element("td", { textContent: words(own[name] ?? "–") }), element("td", { textContent: words(other[name] ?? "–") })));
 }
 
 function words(value) {
