@@ -3,7 +3,7 @@
 import errno
 import sys
 
-from rampcast.cli import batch, begin, data, drawing, forecasting, live, pages, view
+from rampcast.cli import batch, begin, control, data, drawing, forecasting, live, pages, view
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
@@ -20,7 +20,20 @@ ADVICE = {
     errno.EROFS: RIGHTS,
 }
 
-__all__ = ["app", "batch", "begin", "data", "drawing", "forecasting", "live", "main", "pages", "told", "view"]
+__all__ = [
+    "app",
+    "batch",
+    "begin",
+    "control",
+    "data",
+    "drawing",
+    "forecasting",
+    "live",
+    "main",
+    "pages",
+    "told",
+    "view",
+]
 
 
 def main() -> None:

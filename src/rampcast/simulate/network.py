@@ -6,6 +6,7 @@
 `merge` starts at the gore and ends where the ramp lane stops being full width; `slow` is where the speed sign stands.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -85,7 +86,16 @@ def ramp_roads(site: Site) -> list[Road]:
 
 def write_network(site: Site, folder: Path) -> Path:
     """Writes the site's network into a folder with SUMO's netconvert and returns its path."""
-    files = {"nodes": _nodes(site), "edges": _edges(site), "connections": _connections(site)}
+    return write_files({"nodes": _nodes(site), "edges": _edges(site), "connections": _connections(site)}, folder)
+
+
+def write_files(files: Mapping[str, Sequence[str]], folder: Path) -> Path:
+    """Writes nodes, edges and connections into a folder, and the network that SUMO's netconvert makes of them.
+
+    Args:
+        files: elements of "nodes", "edges" and "connections".
+        folder: for all files.
+    """
     for name, items in files.items():
         (folder / f"{name}.xml").write_text(f"<{name}>\n" + "\n".join(items) + f"\n</{name}>\n", encoding="utf-8")
     network = folder / "network.xml"
@@ -95,18 +105,17 @@ def write_network(site: Site, folder: Path) -> Path:
     return network
 
 
-def _element(tag: str, **attributes: object) -> str:
+def element(tag: str, **attributes: object) -> str:
+    """Returns an empty element of XML."""
     return f"<{tag} " + " ".join(f"{name}={quoteattr(str(value))}" for name, value in attributes.items()) + "/>"
 
 
 def _nodes(site: Site) -> list[str]:
     main, ramp = roads(site), ramp_roads(site)
-    nodes = [_element("node", id=f"start_{road.name}", x=road.start, y=0) for road in main]
-    nodes.append(_element("node", id="sink", x=main[-1].end, y=0))
+    nodes = [element("node", id=f"start_{road.name}", x=road.start, y=0) for road in main]
+    nodes.append(element("node", id="sink", x=main[-1].end, y=0))
     # SUMO only needs the ramp to come from the right; positions along it are set by the length of its edges.
-    nodes += [
-        _element("node", id=f"start_{road.name}", x=road.start, y=0.3 * (road.start - site.gore)) for road in ramp
-    ]
+    nodes += [element("node", id=f"start_{road.name}", x=road.start, y=0.3 * (road.start - site.gore)) for road in ramp]
     return nodes
 
 
@@ -119,7 +128,7 @@ def _edges(site: Site) -> list[str]:
     edges = []
     for road, end, speed in stretches:
         values = {"from": f"start_{road.name}", "to": end, "numLanes": road.lanes, "length": road.end - road.start}
-        edges.append(_element("edge", id=road.name, speed=speed, priority=2 if road in main else 1, **values))
+        edges.append(element("edge", id=road.name, speed=speed, priority=2 if road in main else 1, **values))
     return edges
 
 
@@ -127,4 +136,4 @@ def _connections(site: Site) -> list[str]:
     n = len(main_lanes(site))
     joints = [("before", "merge", k, k + 1) for k in range(n)] + [("merge", "after", k + 1, k) for k in range(n)]
     joints.append(("ramp", "merge", 0, 0))
-    return [_element("connection", **{"from": a, "to": b, "fromLane": i, "toLane": k}) for a, b, i, k in joints]
+    return [element("connection", **{"from": a, "to": b, "fromLane": i, "toLane": k}) for a, b, i, k in joints]

@@ -1,0 +1,29 @@
+"""Commands that close the loop: experiments with ramp meters and advice in SUMO."""
+
+from typing import Annotated
+
+import typer
+
+from rampcast.cli import show as terminal
+from rampcast.cli.app import app
+from rampcast.cli.options import OutFolder
+
+
+@app.command(
+    epilog="Examples:\n\nrampcast experiment tiny --out out/tiny   (a plan that ships: tiny, ci or full)\n\n"
+    "rampcast experiment plan.toml --out out/plan   (call it again after an interruption)"
+)
+def experiment(
+    plan: Annotated[str, typer.Argument(help="A plan.toml, or the name of a plan that ships: tiny, ci, full.")],
+    out: OutFolder,
+    processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
+) -> None:
+    """Tries ramp meters and advice in SUMO, with and without forecasts; writes a report, and every run's numbers."""
+    from rampcast.control.experiment import experiment as run
+    from rampcast.control.plan import read_plan
+
+    asked = read_plan(plan)
+    with terminal.progress() as tell:
+        done = run(asked, out, processes=processes, progress=tell)
+    for path in done.files:
+        terminal.say(f"wrote {path}")
