@@ -66,6 +66,10 @@ class Watch:
         """Returns the mean flow behind the last merge between two times [vehicles/h]."""
         return float(np.mean([flow for when, flow in self.outflow if peak[0] <= when <= peak[1]]))
 
+    def faults(self) -> dict[str, int]:
+        """Returns how often SUMO did what no vehicle can."""
+        return {"teleports": self.teleports, "collisions": self.collisions}
+
     def longest_wait(self, time: float) -> float:
         """Returns the longest wait before a stop line, of who still stands there too [s]."""
         standing = [time - since - STORE / RAMP_SPEED for since in self._since.values()]
@@ -131,7 +135,7 @@ def measured(
         "spillback": watch.spillback,
         "outflow": watch.mean_outflow(peak),
         **safety_measures(rows, scenario.corridor.site),
-        **{"teleports": watch.teleports, "collisions": watch.collisions},
+        **watch.faults(),
         "seconds": time.perf_counter() - began,
     }
 
