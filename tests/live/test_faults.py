@@ -62,9 +62,14 @@ def test_a_disk_that_is_full_under_the_log_stops_nothing():
         process.stdout.close()
 
 
+SECRET, PASSWORD = "a-token-of-more-than-16-letters", "a-password-of-the-broker"
+
+
 @pytest.fixture
 def running() -> Iterator[Running]:
-    service = Running("--site", "i80")
+    """Gives a service with a token, and with a broker that is not there."""
+    secrets = {"RAMPCAST_TOKEN": SECRET, "RAMPCAST_MQTT_PASSWORD": PASSWORD}
+    service = Running("--site", "i80", "--source", "mqtt://me@127.0.0.1:9/roads", environment=secrets)
     yield service
     if service.process.poll() is None:
         service.stop()
@@ -75,8 +80,15 @@ def running() -> Iterator[Running]:
 def test_the_log_says_when_the_service_ends_and_nothing_of_a_forecaster_that_went(running, ending):
     forecaster = forecaster_of(running.process.pid)
     assert os.getsid(forecaster) == forecaster  # so that what a terminal sends to all reaches the service alone
+    for path, header in (("/v1/sites", SECRET), (f"/v1/sites?token={SECRET}", "wrong")):
+        running.status(path, headers={"authorization": f"Bearer {header}"})
+    running.status("/v1/sites/i80/tracks", data=SECRET.encode(), headers={"authorization": f"Bearer {SECRET}"})
     os.kill(running.process.pid, ending)
-    events = [json.loads(line)["event"] for line in running.process.stderr if line.startswith("{")]
+    log = running.process.stderr.read()
+    events = [json.loads(line)["event"] for line in log.splitlines()]  # every line is an event
+    assert SECRET not in log
+    assert PASSWORD not in log
+    assert "broker_gone" in events
     assert running.process.wait(20) in (0, -ending, 128 + ending)
     assert events[-2:] == ["stopping", "stopped"]
     assert "forecaster_gone" not in events
