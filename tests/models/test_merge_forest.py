@@ -61,7 +61,9 @@ def test_arrays_predict_as_scikit_learn_does(made):
     rng = np.random.default_rng(2)
     merged = np.maximum.accumulate(rng.random((300, len(MOMENTS))) < 0.1, axis=1).astype(float)
     fitted = _forest(5, 1).fit(_filled(table), merged)
-    np.testing.assert_allclose(_predict(_as_arrays(fitted), table), fitted.predict(_filled(table)), atol=1e-6)
+    np.testing.assert_allclose(
+        _predict(_as_arrays(fitted, np.zeros(table.shape[1])), table), fitted.predict(_filled(table)), atol=1e-6
+    )
 
 
 def test_who_leaves_before_counts_as_the_roll_outs_say():

@@ -34,3 +34,13 @@ def test_what_is_missing_counts_as_usual():
     line = fit_ranked_line(holes, wanted)
     np.testing.assert_allclose(line.predict(np.full((1, 3), np.nan)), wanted.mean())
     assert np.isfinite(line.predict(holes)).all()
+
+
+def test_where_many_values_are_alike_a_hair_does_not_lead_through_the_ranks():
+    """Half of the vehicles stand, to a tenth of a millimetre per second."""
+    rng = np.random.default_rng(3)
+    standing = rng.random(2000) < 0.5
+    column = np.where(standing, 1e-4 * rng.normal(size=2000), rng.uniform(0.0, 10.0, 2000))
+    line = fit_ranked_line(column[:, None], column)
+    slow, fast = line.predict(np.array([[-1e-4], [1e-4]]))
+    assert abs(fast - slow) < 1e-3

@@ -10,7 +10,17 @@ from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestClassifi
 from threadpoolctl import threadpool_limits
 
 from rampcast.errors import ModelError
-from rampcast.models.trees import TREES_TOGETHER, Forests, Trees, boosted_trees, classification_tree, joined, leaf
+from rampcast.models.trees import (
+    TREES_TOGETHER,
+    Forests,
+    Tree,
+    Trees,
+    boosted_trees,
+    classification_tree,
+    joined,
+    leaf,
+    softness,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +126,46 @@ def test_a_feature_on_a_threshold_goes_the_way_scikit_learn_sends_it() -> None:
 def test_a_forest_of_leaves_gives_its_share(share: float) -> None:
     packed = Forests(joined([leaf(share)] * 3 + [leaf(1.0 - share)] * 3, columns=42), each=3)
     assert packed.positive_share(np.zeros((1, 42))) == pytest.approx(np.array([[share, 1.0 - share]]), abs=1e-12)
+
+
+def test_soft_trees_are_steady_where_hard_ones_jump_and_the_same_far_from_thresholds():
+    table = training_table(10)
+    model = fitted(table)
+    hard, soft = boosted_trees(model), boosted_trees(model, width=softness(table))
+    line = np.zeros((20001, 5))
+    line[:, 0] = np.linspace(-2.0, 2.0, len(line))
+    step = np.diff(line[:, 0]).mean()
+    jumps, slopes = (np.abs(np.diff(trees.predict(line))).max() for trees in (hard, soft))
+    assert jumps > 0.05
+    assert slopes < 0.05 * jumps
+    assert slopes / step < 30.0
+    everywhere = training_table(11)
+    assert np.abs(soft.predict(everywhere) - hard.predict(everywhere)).mean() < 0.5
+    beyond = np.full((1, 5), 50.0)
+    np.testing.assert_allclose(soft.predict(beyond), hard.predict(beyond))
+
+
+def test_halfway_through_a_soft_split_is_the_mean_of_both_sides():
+    sides = Tree(*(np.array(one) for one in ([1, -1, -1], [2, -1, -1], [0, 0, 0])), np.array([1.0, 0.0, 0.0]),
+                 np.array([False, True, True]), np.array([[0.0], [2.0], [6.0]]))  # fmt: skip
+    trees = joined([sides], columns=1, width=np.array([0.5]))
+    at = np.array([[0.5], [0.75], [1.0], [1.25], [1.5], [np.nan]])
+    np.testing.assert_allclose(trees.sums(at)[:, 0], [2.0, 3.0, 4.0, 5.0, 6.0, 6.0])
+
+
+def test_the_width_of_a_soft_split_is_a_quarter_of_a_columns_spread_whatever_lies_in_its_tails():
+    column = np.random.default_rng(1).normal(scale=3.0, size=(4000, 1))
+    column[:40] = 1e6
+    with_missing = np.concatenate([column, np.full((100, 1), np.nan)])
+    np.testing.assert_allclose(softness(with_missing), 0.25 * 3.0, rtol=0.1)
+    assert softness(np.full((5, 1), np.nan)) == 0.0
+
+
+@pytest.mark.parametrize("width", [-1.0, np.nan, np.inf])
+def test_a_width_that_is_no_length_is_refused(width: float) -> None:
+    trees = boosted_trees(fitted(training_table(12))).trees
+    with pytest.raises(ModelError, match="width"):
+        replace(trees, width=np.full(5, width))
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@
 
 At a few horizons boosted trees and a linear model learn how far vehicles went beyond the median of their roll-outs, and
 other trees how large the rest is. Trees find what depends on what, but of few minutes they learn the minutes; a line is
-poorer and steadier, and their mean is better than either. Each is taken as far as it helped on vehicles, and in
-minutes, that it was not trained on. The quantiles of what is left there, over its expected size, make the bands: split
-conformal prediction with normalised residuals, by traffic regime where that has enough vehicles.
+poorer and steadier, and their mean is often better than either. What is taken, and how far, is what helped on vehicles,
+and in minutes, that it was not trained on. The quantiles of what is left there, over its expected size, make the bands:
+split conformal prediction with normalised residuals, by traffic regime where that has enough vehicles.
 
 Source: Papadopoulos, Gammerman and Vovk 2008 for normalised residuals; Vovk 2012 for cross-conformal prediction.
 """
@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from rampcast.models.folds import Fold
 from rampcast.models.merge_features import Regime
 from rampcast.models.ranked_line import RankedLine, fit_ranked_line
-from rampcast.models.trees import BoostedTrees, boosted_trees
+from rampcast.models.trees import BoostedTrees, boosted_trees, softness
 
 Model = BoostedTrees | RankedLine
 Fit = Callable[[Float[np.ndarray, "row column"], Float[np.ndarray, "row"]], Model]
@@ -32,6 +32,7 @@ KNOTS = np.array([4, 9, 14, 24, 39, 49, 59, 74])  # steps of 0.2 s: 1, 2, 3, 5, 
 LEVELS = np.linspace(0.01, 0.99, 99)
 BLENDS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of each simpler roll-out that are tried
 NEARLY = 1.03  # of the least error
+WORTH = 0.95  # of the mean's error: what one model alone must reach, or it does so in these minutes only
 LEAST_SCORES = 20  # a 5 % quantile of fewer residuals is not known
 LEAST_SPREAD = 0.05  # [m]; places are known no better
 LEAST_RATIO = 1e-6  # of an error to its size, so that its logarithm is a number where all errors are none
@@ -190,9 +191,9 @@ def _fit_knot(
             blend, kept, (), (), 0.0, False, _scores(beyond / spread, seen, rolled.regime, group, spec)
         )
     enough = seen.sum() >= spec.least_for_trees
-    of_median = (_trees(seed, spec, spec.trees), fit_ranked_line) if enough else (fit_ranked_line,)
     of_size = _trees(seed, spec, spec.trees // 2) if enough else fit_ranked_line
-    unseen = np.mean([_out_of_fold(table, beyond, seen, folds, fit, spec) for fit in of_median], axis=0)
+    tried = (_trees(seed, spec, spec.trees), fit_ranked_line) if enough else (fit_ranked_line,)
+    unseen, of_median = _steadiest(tried, table, beyond, seen, folds, spec)
     strength = _strength(beyond[seen], unseen[seen], spec.strengths)
     left = beyond - strength * unseen
     size = _out_of_fold(table, np.abs(left) / spread, seen, folds, of_size, spec)
@@ -211,6 +212,22 @@ def _blend(
     shares = np.array([one for one in product(BLENDS, repeat=rolled.chains.shape[2]) if sum(one) <= 1.0])
     errors = [np.abs(truth[seen] - rolled.blended(knot, share)[seen]).mean() for share in shares]
     return shares[int(np.argmin(errors))]
+
+
+def _steadiest(
+    tried: Sequence[Fit],
+    table: Float[np.ndarray, "row column"],
+    beyond: Float[np.ndarray, "row"],
+    seen: Bool[np.ndarray, "row"],
+    folds: Sequence[Fold],
+    spec: CorrectionSpec,
+) -> tuple[Float[np.ndarray, "row"], tuple[Fit, ...]]:
+    """Returns what all models together, or one that errs far less, give for rows they were not trained on."""
+    alone = [(_out_of_fold(table, beyond, seen, folds, fit, spec), (fit,)) for fit in tried]
+    together = np.mean([one for one, _ in alone], axis=0), tuple(tried)
+    errors = [float(np.abs(beyond - one)[seen].mean()) for one, _ in (together, *alone)]
+    best = int(np.argmin(errors[1:]))
+    return alone[best] if errors[1 + best] < WORTH * errors[0] else together
 
 
 def _strength(beyond: Float[np.ndarray, "row"], unseen: Float[np.ndarray, "row"], strengths: Sequence[float]) -> float:
@@ -236,7 +253,7 @@ def _trees(seed: int, spec: CorrectionSpec, count: int) -> Fit:
         early_stopping=False,
         random_state=seed,
     )
-    return lambda table, wanted: boosted_trees(clone(trees).fit(table, wanted))
+    return lambda table, wanted: boosted_trees(clone(trees).fit(table, wanted), width=softness(table))
 
 
 def _out_of_fold(

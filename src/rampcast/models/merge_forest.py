@@ -20,7 +20,7 @@ from sklearn.ensemble import RandomForestRegressor
 
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.folds import Fold
-from rampcast.models.trees import Trees, decision_tree, joined
+from rampcast.models.trees import Trees, decision_tree, joined, softness
 from rampcast.threads import thread_count
 
 # steps of 0.2 s at which the curves are known: every 0.4 s for 4 s, then every second
@@ -91,15 +91,15 @@ def fit_merge_forest(
     merged = _merged_by(rolled, change_time, seen_for)
     _, number = np.unique(group, return_inverse=True)
     weight = 1.0 / np.sqrt(np.bincount(number)[number])
-    table = _filled(table)
-    unseen = _out_of_fold(table, merged, weight, folds, seed)
+    width, table = softness(table), _filled(table)
+    unseen = _out_of_fold(table, merged, weight, folds, seed, width)
     errors = [
         np.nansum(weight[:, None] * (part * unseen + (1.0 - part) * rolled[:, MOMENTS] - merged) ** 2, axis=0)
         for part in SHARES
     ]
     best = np.array(SHARES)[np.argmin(errors, axis=0)]
     forest = _forest(TREES, seed).fit(table, merged, sample_weight=weight)
-    return MergeForest(_as_arrays(forest), best)
+    return MergeForest(_as_arrays(forest, width), best)
 
 
 def rate_of(
@@ -163,6 +163,7 @@ def _out_of_fold(
     weight: Float[np.ndarray, "row"],
     folds: Sequence[Fold],
     seed: int,
+    width: Float[np.ndarray, "column"],
 ) -> Float[np.ndarray, "row moment"]:
     """Returns what forests that were not trained on a row give for it; NaN where too few are left to train on."""
     found = np.full(merged.shape, np.nan)
@@ -170,18 +171,17 @@ def _out_of_fold(
         rows = train[:: max(1, len(train) // MOST_ROWS)]
         if len(rows) >= LEAST_ROWS // 2 and len(test):
             forest = _forest(TREES_OF_A_FOLD, seed).fit(table[rows], merged[rows], sample_weight=weight[rows])
-            found[test] = forest.predict(table[test])
+            found[test] = _predict(_as_arrays(forest, width), table[test])
     return found
 
 
-def _as_arrays(forest: Any) -> Trees:
-    """Returns a fitted forest as arrays; the curves of its nodes never fall."""
+def _as_arrays(forest: Any, width: Float[np.ndarray, "column"]) -> Trees:
+    """Returns a fitted forest as arrays, with soft splits; the curves of its nodes never fall."""
     grown = [tree.tree_ for tree in forest.estimators_]
     curves = [np.maximum.accumulate(tree.value[:, :, 0], axis=1).astype(np.float32) for tree in grown]
     trees = [decision_tree(tree, value) for tree, value in zip(grown, curves, strict=True)]
-    return joined(trees, columns=forest.n_features_in_)
+    return joined(trees, columns=forest.n_features_in_, width=width)
 
 
 def _predict(trees: Trees, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row moment"]:
-    leaves = trees.leaves(_filled(table))
-    return np.stack([value[leaves].mean(axis=1) for value in trees.value.T], axis=1)
+    return trees.sums(_filled(table)) / len(trees.root)

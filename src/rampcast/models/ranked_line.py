@@ -7,8 +7,10 @@ from jaxtyping import Float
 from scipy.special import ndtri
 
 from rampcast.errors import ModelError
+from rampcast.models.trees import softness
 
 RANKS = np.linspace(0.01, 0.99, 50)  # quantiles of a column that are kept
+BLUR = ndtri(np.linspace(0.05, 0.95, 10))  # widths of `softness` by which values are spread
 SHRINKAGE = 300.0  # of the weights, as if so many rows more had shown no effect of any column
 
 
@@ -44,13 +46,23 @@ def fit_ranked_line(table: Float[np.ndarray, "row column"], wanted: Float[np.nda
         table: missing is NaN; no column is missing in all rows.
         wanted: a value for each row.
     """
-    quantiles = np.nanquantile(table, RANKS, axis=0)
+    quantiles = _blurred_quantiles(table)
     scores = _normal(table, quantiles)
     usual = np.nanmean(scores, axis=0)
     beyond = _beyond(scores, usual)
     start = float(wanted.mean())
     inner = beyond.T @ beyond + SHRINKAGE * np.eye(table.shape[1])
     return RankedLine(quantiles, usual, np.linalg.solve(inner, beyond.T @ (wanted - start)), start)
+
+
+def _blurred_quantiles(table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "rank column"]:
+    """Returns quantiles of columns whose values are spread a little.
+
+    Where many vehicles share a value, as those that stand do, quantiles lie so near each other that the last digit of
+    a measurement would decide between the first and the last rank.
+    """
+    spread = table + BLUR[:, None, None] * softness(table)
+    return np.nanquantile(spread.reshape(-1, table.shape[1]), RANKS, axis=0)
 
 
 def _normal(

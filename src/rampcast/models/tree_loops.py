@@ -8,16 +8,39 @@ import numpy as np
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def leaves(table: Any, feature: Any, threshold: Any, missing_left: Any, left: Any, root: Any, out: Any) -> None:
-    """Fills out with the leaf of each tree in which each row ends; see `trees.Trees`."""
+def sums(
+    table: Any, feature: Any, threshold: Any, missing_left: Any, left: Any, root: Any, value: Any, width: Any,
+    most: Any, out: Any,
+) -> None:  # fmt: skip
+    """Adds to out what all trees predict for each row; see `trees.Trees`.
+
+    Args:
+        most: branches of a tree that may wait at once: its levels, and one.
+        out: zeros, by row and output.
+    """
+    waiting, weights = np.empty(most, np.int64), np.empty(most)
     for row in range(table.shape[0]):
         for tree in range(len(root)):
-            node = root[tree]
-            while left[node] != node:
-                value = table[row, feature[node]]
-                right = not missing_left[node] if np.isnan(value) else value > threshold[node]
-                node = left[node] + (1 if right else 0)
-            out[row, tree] = node
+            waiting[0], weights[0], count = root[tree], 1.0, 1
+            while count > 0:
+                count -= 1
+                node, weight = waiting[count], weights[count]
+                while left[node] != node:
+                    cell, wide = table[row, feature[node]], width[feature[node]]
+                    beyond = cell - threshold[node]
+                    if np.isnan(cell):
+                        node = left[node] + (0 if missing_left[node] else 1)
+                    elif beyond <= -wide:
+                        node = left[node]
+                    elif beyond >= wide:
+                        node = left[node] + 1
+                    else:
+                        right = 0.5 + 0.5 * beyond / wide
+                        waiting[count], weights[count] = left[node] + 1, weight * right
+                        count += 1
+                        node, weight = left[node], weight * (1.0 - right)
+                for n in range(value.shape[1]):
+                    out[row, n] += weight * value[node, n]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -3,6 +3,9 @@
 The nodes of all trees lie in one row, each tree in breadth-first order, so that the right child follows the left one:
 one level down is `left[node]`, plus one to the right. A leaf points to itself and sends nothing to the right, so trees
 of different depth are walked together.
+
+Trees may be soft: a value near a threshold goes both ways, with weights that change steadily across it, so that a
+measurement's last digit does not throw a forecast into another leaf. Source: Jordan and Jacobs 1994 for soft splits.
 """
 
 from collections.abc import Sequence
@@ -21,6 +24,7 @@ from rampcast.threads import shared_out
 
 DEEPEST: Final = 1000  # levels; those that are grown have 50 at most
 LEAST_SHARE: Final = 1000  # rows of a thread
+SOFT: Final = 0.25  # standard deviations of a column to either side of a threshold over which a soft split turns
 # Scenes are padded to one of these numbers, so that a new number does not compile again; beside it the number of trees
 # that are walked together. Measured: few scenes need many trees to be worth an array operation, many scenes need few,
 # for their nodes to stay in the cache.
@@ -58,6 +62,7 @@ class Trees:
         left: left child, the right child being the next node; the node itself at a leaf.
         value: what a node predicts.
         root: first node of each tree.
+        width: to either side of a threshold within which a value of each column goes both ways; None for nowhere.
     """
 
     columns: int
@@ -67,6 +72,7 @@ class Trees:
     left: Int32[np.ndarray, "node"]
     value: Float[np.ndarray, "node output"]
     root: Int32[np.ndarray, "tree"]
+    width: Float[np.ndarray, "column"] | None = None
 
     def __post_init__(self) -> None:
         """Checks that these are trees, whose walks stay inside the arrays and end soon.
@@ -88,6 +94,8 @@ class Trees:
             raise ModelError("trees: a node is below two others, or below none")
         if np.any(np.isnan(self.threshold)) or np.any(np.isneginf(self.threshold)):
             raise ModelError("trees: a threshold is no number")
+        if self.width is not None and not np.all((self.width >= 0.0) & np.isfinite(self.width)):
+            raise ModelError("trees: the width of a soft split is no length")
         if np.max(self.depths, initial=0) > DEEPEST:
             raise ModelError(f"trees: one is more than {DEEPEST} levels deep")
 
@@ -107,16 +115,18 @@ class Trees:
             depth[tree] = level
             node, tree = np.concatenate([node, node + 1]), np.concatenate([tree, tree])
 
-    def leaves(self, table: Float[np.ndarray, "row column"]) -> Int[np.ndarray, "row tree"]:
-        """Returns the leaf of each tree in which each row ends."""
+    def sums(self, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row output"]:
+        """Returns the sum over all trees of what they predict for each row."""
         if table.shape[1] != self.columns:
             raise ValueError(f"expected {self.columns} columns, got {table.shape[1]}")
-        from rampcast.models.tree_loops import leaves  # numba: only who predicts waits for it
+        from rampcast.models.tree_loops import sums  # numba: only who predicts waits for it
 
-        found = np.empty((len(table), len(self.root)), np.int32)
+        found = np.zeros((len(table), self.value.shape[1]))
         values = np.ascontiguousarray(table, dtype=self.threshold.dtype)
-        nodes = (self.feature, self.threshold, self.missing_left, self.left, self.root)
-        shared_out(lambda rows: leaves(values[rows], *nodes, found[rows]), len(table), least=LEAST_SHARE)
+        width = np.zeros(self.columns) if self.width is None else self.width
+        nodes = (self.feature, self.threshold, self.missing_left, self.left, self.root, self.value, width)
+        most = int(np.max(self.depths, initial=0)) + 1
+        shared_out(lambda rows: sums(values[rows], *nodes, most, found[rows]), len(table), least=LEAST_SHARE)
         return found
 
 
@@ -133,8 +143,8 @@ class BoostedTrees:
     trees: Trees
 
     def predict(self, table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "row"]:
-        """Returns the predictions of rows; the same as scikit-learn's but for the order of the sum."""
-        return self.baseline + self.trees.value[:, 0][self.trees.leaves(table)].sum(axis=1)
+        """Returns the predictions of rows; of hard trees the same as scikit-learn's but for the order of the sum."""
+        return self.baseline + self.trees.sums(table)[:, 0]
 
 
 class Schedule(NamedTuple):
@@ -191,8 +201,24 @@ class Forests:
         return shares
 
 
-def joined(trees: Sequence[Tree], *, columns: int) -> Trees:
-    """Returns at least one tree, or more, as arrays."""
+def softness(table: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "column"]:
+    """Returns the widths of soft splits in a table's columns; NaN, which is missing, does not count.
+
+    Tails do not count either: a standard deviation is a quarter of what the middle 95 % span.
+    """
+    known = np.where(np.isfinite(table).any(axis=0), table, 0.0)
+    low, high = np.nanquantile(known, (0.025, 0.975), axis=0)
+    return SOFT * (high - low) / 4.0
+
+
+def joined(trees: Sequence[Tree], *, columns: int, width: Float[np.ndarray, "column"] | None = None) -> Trees:
+    """Returns at least one tree, or more, as arrays.
+
+    Args:
+        trees: as they were grown.
+        columns: of the tables that they were trained on.
+        width: see `Trees`.
+    """
     ordered = [_breadth_first(tree) for tree in trees]
     start = np.cumsum([0, *(len(tree.left) for tree in ordered)])
     first = np.repeat(start[:-1], np.diff(start)).astype(np.int32)
@@ -200,7 +226,7 @@ def joined(trees: Sequence[Tree], *, columns: int) -> Trees:
         np.concatenate([getattr(tree, name) for tree in ordered])
         for name in ("feature", "threshold", "missing_left", "left", "value")
     )
-    return Trees(columns, feature, threshold, missing_left, left + first, value, start[:-1].astype(np.int32))
+    return Trees(columns, feature, threshold, missing_left, left + first, value, start[:-1].astype(np.int32), width)
 
 
 def decision_tree(tree: Any, value: Float[np.ndarray, "node output"]) -> Tree:
@@ -223,16 +249,17 @@ def leaf(positive_share: float) -> Tree:
     return Tree(nowhere, nowhere, nowhere, threshold, np.array([True]), np.array([[positive_share]]))
 
 
-def boosted_trees(model: Any) -> BoostedTrees:
+def boosted_trees(model: Any, *, width: Float[np.ndarray, "column"] | None = None) -> BoostedTrees:
     """Returns a fitted `HistGradientBoostingRegressor` as arrays.
 
     Args:
         model: with an identity link and without categories, as those for absolute and squared errors are.
+        width: see `Trees`.
     """
     # the nodes are not in scikit-learn's public interface; a test compares predictions, so a change of theirs shows
     trees = [_boosted_tree(predictor.nodes) for (predictor,) in model._predictors]
     return BoostedTrees(
-        float(np.asarray(model._baseline_prediction).item()), joined(trees, columns=model.n_features_in_)
+        float(np.asarray(model._baseline_prediction).item()), joined(trees, columns=model.n_features_in_, width=width)
     )
 
 
