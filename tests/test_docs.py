@@ -150,6 +150,12 @@ def test_the_menu_has_every_decision():
     assert [page.name for page in (DOCS / "decisions").glob("*.md") if f"decisions/{page.name}" not in menu] == []
 
 
+def test_the_gallery_is_that_of_its_script():
+    made = script("gallery")
+    assert (DOCS / "gallery.md").read_text(encoding="utf-8") == made.page()
+    assert [one.file for one in made.PICTURES if not (DOCS / "images" / one.file).is_file()] == []
+
+
 def test_the_pages_load_nothing_from_elsewhere():
     settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert "font: false" in settings

@@ -3,13 +3,20 @@
 import os
 import subprocess
 import sys
+import tomllib
 
 import pytest
+from polars.testing import assert_frame_equal
 from typer.testing import CliRunner
 
 import rampcast
-from rampcast.cli import app, show
+from rampcast.cli import app, main, show, told
 from rampcast.cli.pages import PLACES
+from rampcast.errors import RampcastError
+from rampcast.formats import convert_all, read_any
+from rampcast.recording import write_recordings
+from tests.made_up_traffic import random_traffic
+from tests.start.strangers import write
 
 
 def test_version_and_short_help_are_told():
@@ -40,9 +47,95 @@ def test_quiet_leaves_out_notes_and_keeps_warnings(capsys, monkeypatch):
     assert "a note" not in capsys.readouterr().err
 
 
-def test_a_terminal_of_ascii_and_forty_columns_survives():
+@pytest.mark.parametrize("command", ["formats", "docs methods", "start -h", "forecast nowhere–at.all --out OUT"])
+def test_a_terminal_of_ascii_and_forty_columns_survives(command, tmp_path):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "COLUMNS": "40", "TERM": "dumb"}
-    command = [sys.executable, "-m", "rampcast", "formats"]
-    done = subprocess.run(command, capture_output=True, env=environment, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr[-500:]
-    assert b"plain" in done.stdout
+    words = command.replace("OUT", str(tmp_path)).split()
+    done = subprocess.run(
+        [sys.executable, "-m", "rampcast", *words], capture_output=True, env=environment, check=False, timeout=120
+    )
+    assert done.returncode == (2 if "nowhere" in command else 0), done.stderr[-500:]
+    assert b"Traceback" not in done.stderr
+    assert done.stdout or b"error:" in done.stderr
+
+
+def called(*arguments, folder, given=None):
+    environment = os.environ | {"NO_COLOR": "1"}
+    command = [sys.executable, "-m", "rampcast", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, input=given, env=environment, cwd=folder, check=False)
+
+
+@pytest.mark.slow
+def test_a_run_is_kept_beside_its_output_and_repeated_from_there(tmp_path):
+    path, _ = write("radar along the road in ms", tmp_path)
+    assert called("start", path.name, "--out", "first", folder=tmp_path).returncode == 0
+    kept = tmp_path / "first" / "rampcast.toml"
+    values = tomllib.loads(kept.read_text())
+    assert values["arguments"] == ["start", "stranger.csv", "--out", "first"]
+    shown = CliRunner().invoke(app, ["run", str(kept), "--show"])
+    assert shown.exit_code == 0
+    before = (tmp_path / "first" / "site.toml").read_bytes()
+    (tmp_path / "first" / "site.toml").unlink()
+    done = called("run", kept, folder=tmp_path.parent)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "first" / "site.toml").read_bytes() == before
+
+
+def test_what_is_no_kept_run_is_told(tmp_path):
+    odd = tmp_path / "odd.toml"
+    for text, why in (("a = 1", "no run that can be repeated"), ("folder = '.'\narguments = ['run']", "arguments:")):
+        odd.write_text(text)
+        done = CliRunner().invoke(app, ["run", str(odd)])
+        assert why in str(done.exception)
+
+
+def test_what_comes_in_by_a_pipe_is_read(tmp_path):
+    path, _ = write("frames alone", tmp_path)
+    done = called("inspect", "-", folder=tmp_path, given=path.read_bytes())
+    assert b"How many frames are a second" in done.stderr
+
+
+def test_a_shell_completes_commands():
+    environment = os.environ | {"_RAMPCAST_COMPLETE": "complete_bash", "COMP_WORDS": "rampcast insp", "COMP_CWORD": "1"}
+    code = "from rampcast.cli import app; app(prog_name='rampcast')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment, text=True, check=False)
+    assert done.stdout.split() == ["inspect"]
+
+
+def test_without_a_terminal_each_thing_done_is_a_line_and_long_ones_tell_the_time_left(capsys, monkeypatch):
+    clock = iter([0.0, 0.0, 40.0, 80.0])
+    monkeypatch.setattr(show.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(show.notes, "quiet", False)
+    with show.progress() as tell:
+        for done in (0, 1, 2, 4):
+            tell("drive", done, 4)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["drive: 2 of 4, about 40 s left", "drive: done in 80 s"]
+
+
+@pytest.mark.parametrize(
+    ("command", "said"), [("train x --out y", "goes on there"), ("forecast x", "whole or not at all")]
+)
+def test_ctrl_c_says_what_is_kept(command, said, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["rampcast", *command.split()])
+    monkeypatch.setattr("rampcast.cli.app", lambda: sys.exit(130))
+    monkeypatch.setattr("rampcast.cli.keep_compiled_programs", lambda: True)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    assert said in capsys.readouterr().err
+
+
+def test_a_message_that_names_a_page_says_how_to_read_it_here():
+    assert told(RampcastError("see docs/formats/plain.md")).endswith("rampcast docs formats/plain")
+    assert told(RampcastError("no page")) == "no page"
+
+
+def test_a_recording_goes_to_csv_and_back(tmp_path):
+    recording = random_traffic(5, vehicles=4, seconds=8.0, name="i80-1")
+    write_recordings([recording], tmp_path / "x.csv")
+    again, _ = read_any([tmp_path / "x.csv"], site="I80")
+    names = ["vehicle", "frame", "x", "y", "lane"]
+    assert_frame_equal(again.tracks.select(names), recording.tracks.select(names), check_dtypes=False, abs_tol=1e-6)
+    with pytest.raises(RampcastError, match="parquet or csv"):
+        convert_all([tmp_path / "x.csv"], tmp_path / "x.txt")

@@ -2,13 +2,16 @@
 
 import shlex
 
+import polars as pl
 import pytest
 
 from rampcast.errors import RampcastError
 from rampcast.formats import read_any
+from rampcast.roads.ramp import RampValues
+from rampcast.simulate import shipped_sample
 from rampcast.start import Answers, StartError, proposed, start
 from rampcast.start.names import NAMES
-from tests.start.strangers import ASKED, TABLES, traffic, write
+from tests.start.strangers import ASKED, TABLES, traffic, turned, write
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -39,6 +42,56 @@ def test_what_was_told_is_the_recording_that_it_was_made_from(name, tmp_path):
     assert recording.tracks.height == pytest.approx(traffic().height, rel=0.02)
     assert found.site.lane_centre(found.site.target_lane) > found.site.lane_centre(found.site.ramp_lanes[0])
     assert shlex.split(found.commands[0])[:2] == ["rampcast", "convert"]
+
+
+def test_what_is_only_a_guess_of_the_ramp_is_told_with_the_option_that_answers_it(tmp_path):
+    path, _ = write("radar along the road in ms", tmp_path)
+    told = []
+    found = start([path], tmp_path / "out", tell=told.append)
+    (guess,) = [one for one in told if one.startswith("ramp_end")]
+    assert f"{found.site.ramp_end:.0f} m is a proposal" in guess
+    assert "--ramp-end METRES" in guess
+    assert told[-1] == "doctor: nothing here would spoil a forecast"
+    known = start([path], tmp_path / "known", answers=Answers(ramp=RampValues(ramp_end=300.0)))
+    assert known.site.ramp_end == 300.0
+    assert not [one for one in known.reasons if one.startswith("ramp_end")]
+
+
+def test_a_table_whose_vehicles_overlap_is_told_as_the_doctor_will_tell_it(tmp_path):
+    path, _ = write("semicolons and decimal commas", tmp_path)
+    text = path.read_text().splitlines()
+    again = [line.replace(";", "00;", 1) for line in text[1:] if line.startswith("1;")]  # vehicle 1 once more, as 100
+    path.write_text("\n".join([*text, *again]) + "\n")
+    told = []
+    start([path], tmp_path / "out", tell=told.append)
+    assert told[-1].startswith("doctor: this would spoil a forecast: Vehicles that overlap")
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [(b"", "the file is empty"), (b"\x89PNG\r\n\x1a\n\0\0", "bytes that no text has"), (b"\n\n", "the file is empty")],
+)
+def test_what_is_no_table_is_told_in_words(content, told, tmp_path):
+    odd = tmp_path / "odd.csv"
+    odd.write_bytes(content)
+    with pytest.raises(RampcastError, match=told):
+        start([odd], tmp_path / "out")
+
+
+def test_a_recording_that_polars_wrote_again_is_refused_with_what_keeps_its_site(tmp_path):
+    pl.read_parquet(shipped_sample()[1]).head(100).write_parquet(tmp_path / "cut.parquet")
+    for read in (lambda path: start([path], tmp_path / "out"), lambda path: read_any([path])):
+        with pytest.raises(RampcastError, match="write_recording"):
+            read(tmp_path / "cut.parquet")
+
+
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 200.0])
+def test_places_of_a_map_are_a_plane_even_where_the_road_runs_along_an_axis(degrees, tmp_path):
+    table = turned(traffic(), degrees, 458_200.0, 5_428_900.0).select("id", "t", utm_e="e", utm_n="n", length="length")
+    table.write_csv(tmp_path / "map.csv")
+    values = proposed([tmp_path / "map.csv"]).values
+    assert values["plane"] is True
+    assert values["columns"]["x"] == "utm_e"
 
 
 def test_a_wrong_guess_is_stopped_with_its_reason(tmp_path):

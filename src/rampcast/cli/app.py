@@ -7,11 +7,11 @@ import typer
 app = typer.Typer(
     name="rampcast",
     help="Forecasts where every vehicle on a highway on-ramp will be, and when it will change lane, up to 15 s ahead.",
-    epilog="Exit codes: 0 done; 1 a check found what would spoil a forecast; 2 a mistake to mend; 130 stopped.",
+    epilog="Exit codes: 0 done; 1 a check found what would spoil a forecast; 2 a mistake to mend; 130 stopped. "
+    "More: [bold]rampcast docs manners[/].",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 

@@ -8,13 +8,15 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import Gore, MergeZone, Mirrored, RampEnd, TargetLane, writable_folder
+from rampcast.cli.options import Gore, Json, MergeZone, Mirrored, RampEnd, TargetLane, with_stdin, writable_folder
 
 if TYPE_CHECKING:
     from rampcast.start import Question, Started
 
 
-Tables = Annotated[list[Path], typer.Argument(help="Any tables of trajectories of one place.")]
+Tables = Annotated[
+    list[Path], typer.Argument(callback=with_stdin, help="Any tables of trajectories of one place; - is what comes in.")
+]
 Out = Annotated[Path, typer.Option("--out", callback=writable_folder, help="Folder to write to.")]
 Columns = Annotated[
     list[str] | None, typer.Option("--column", help="Column of a value, as vehicle=obj; lane= for none.")
@@ -33,7 +35,6 @@ RoadName = Annotated[str | None, typer.Option("--road", help="Which road, if the
 PlaceName = Annotated[str, typer.Option("--name", help="Name of the place. Default: the file's.")]
 RampLane = Annotated[list[int] | None, typer.Option("--ramp-lane", help="Lane of the ramp; once for each.")]
 NoRamp = Annotated[bool, typer.Option("--no-ramp", help="There is no ramp.")]
-Json = Annotated[bool, typer.Option("--json", help="Print json instead of words.")]
 
 
 @app.command(

@@ -14,6 +14,7 @@ from rampcast.cli.options import (
     Epochs,
     Every,
     Files,
+    Json,
     OutFolder,
     RecordingFile,
     Report,
@@ -22,6 +23,7 @@ from rampcast.cli.options import (
     Start,
     Stride,
     WhichReport,
+    with_stdin,
 )
 from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, reads_files, smoothed, user_command
 from rampcast.errors import RampcastError
@@ -119,7 +121,9 @@ def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: s
 @reads_files()
 def forecast(
     out: OutFolder,
-    recordings: Annotated[list[Path] | None, typer.Argument(help="Recordings, in any form rampcast reads.")] = None,
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(callback=with_stdin, help="Recordings, in any form rampcast reads; or -.")
+    ] = None,
     model: AnyModel = None,
     every: Every = 1.0,
     reading: Reading = Reading(),
@@ -237,6 +241,7 @@ def evaluate(
     reading: Reading = Reading(),
     seed: Seed = 1,
     report: WhichReport = Report.RAMP,
+    json: Json = False,
 ) -> None:
     """Scores a model on a recording that it was not trained on: how far off, and how well calibrated.
 
@@ -248,6 +253,8 @@ def evaluate(
     from rampcast.paper.framework import PaperForecaster
 
     forecaster = trained_model(model)
+    if json:
+        terminal.results_to_stderr()
     with terminal.progress("read and smooth"):
         test = read_smoothed([recording], reading)
     if report is Report.PAPER or isinstance(forecaster, PaperForecaster):
@@ -256,7 +263,7 @@ def evaluate(
     check_unseen(forecaster, test)
     with terminal.progress() as tell:
         write_forecasts(told_parts(forecaster, test, every, tell), out, suffixes=(".parquet",))
-    terminal.print_scores_of(out, test)
+    terminal.print_scores_of(out, test, as_json=json)
     if report is Report.RAMP:
         say_report([test], out, forecaster, model_named(model))
 

@@ -1,6 +1,10 @@
 """Arguments and options that several commands share."""
 
+import atexit
 import math
+import shutil
+import sys
+import tempfile
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -44,8 +48,26 @@ def time_between(every: float) -> float:
     return every
 
 
+def with_stdin(paths: list[Path] | None) -> list[Path] | None:
+    """Returns paths of files, of which - is a file of what comes in; it lasts as long as the program."""
+    return None if paths is None else [_stdin_file() if path == Path("-") else path for path in paths]
+
+
+def _stdin_file() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="rampcast-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    with (folder / "stdin").open("wb") as file:
+        shutil.copyfileobj(sys.stdin.buffer, file)
+    return folder / "stdin"
+
+
 LARGEST_SEED = 2**31 - 1  # that all who draw take: numpy, scikit-learn, jax and SUMO
-Files = Annotated[list[Path], typer.Argument(help="Recordings, in any form that [bold]rampcast formats[/] lists.")]
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        callback=with_stdin, help="Recordings, in any form that [bold]rampcast formats[/] lists; - is what comes in."
+    ),
+]
 FormatName = Annotated[
     str | None, typer.Option("--format", help="Format of the files. Default: told by their content.")
 ]
@@ -93,6 +115,9 @@ Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane g
 Start = Annotated[
     str, typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'.")
 ]
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print json instead of words.")]
 
 
 class Report(Enum):

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 import shlex
+import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,6 +40,7 @@ output = Console()
 messages = Console(stderr=True)
 notes = Console(stderr=True)  # what --quiet leaves out
 
+BETWEEN_LINES = 30.0  # [s] of work that is not shown as a bar
 SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
 SHOWN_SKILLS = (3.0, 8.0)  # [s]
 
@@ -63,6 +65,9 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
+    if not notes.is_terminal:
+        yield from _line_by_line(first)
+        return
     with Progress(*columns, console=notes) as bars:
         tasks: dict[str, TaskID] = {}
 
@@ -76,6 +81,27 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         yield tell
         if first is not None:
             tell(first, 1, 1)
+
+
+def _line_by_line(first: str | None) -> Iterator["Tell"]:
+    """Gives a function that writes a line for each thing done, and of long ones how long they will take yet."""
+    begun: dict[str, float] = {}
+    last: dict[str, float] = {}
+
+    def tell(what: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        begin = begun.setdefault(what, now)
+        if done >= total:
+            note(f"{what}: done in {now - begin:.0f} s")
+        elif done and now - last.setdefault(what, begin) > BETWEEN_LINES:
+            last[what] = now
+            note(f"{what}: {done:,} of {total:,}, about {(now - begin) / done * (total - done):.0f} s left")
+
+    if first is not None:
+        tell(first, 0, 1)
+    yield tell
+    if first is not None:
+        tell(first, 1, 1)
 
 
 def titled(title: str, heads: Sequence[str], *, numbers: Collection[str] = ()) -> Table:
@@ -184,7 +210,8 @@ def print_written(paths: Sequence[Path]) -> None:
     import polars as pl
 
     for path in paths:
-        parts = pl.scan_parquet(path).group_by("recording").len().sort("recording").collect(engine="streaming")
+        scan = pl.scan_csv if path.suffix == ".csv" else pl.scan_parquet
+        parts = scan(path).group_by("recording").len().sort("recording").collect(engine="streaming")
         names = ", ".join(parts["recording"][:5]) + (", ..." if parts.height > 5 else "")
         say(f"wrote {path}: {parts['len'].sum():,} rows of {names}")
 
@@ -220,13 +247,21 @@ def print_scores(out: Path) -> None:
     print_errors(pl.read_parquet(out / "tables" / "longitudinal.parquet"))
 
 
-def print_scores_of(folder: Path, recording: "Recording") -> None:
-    """Prints how far off the forecasts in a folder were, and how often their bands held, at a few horizons."""
+def results_to_stderr() -> None:
+    """Lets all words go to stderr, where json alone is to be on stdout."""
+    output.stderr = True
+
+
+def print_scores_of(folder: Path, recording: "Recording", *, as_json: bool) -> None:
+    """Prints how far off the forecasts in a folder were, and how often their bands held; as json at all horizons."""
     import polars as pl
 
     from rampcast.evaluate.positions import beside_truth, errors_by
 
     table = errors_by(beside_truth(pl.scan_parquet(folder / "forecast.parquet"), recording), ["horizon"])
+    if as_json:
+        print_json({"recordings": recording.names, "errors": table.to_dicts()})
+        return
     heads = ("seconds ahead", "mean error (m)", "CRPS (m)", "50 % band holds", "90 % band holds", "n")
     shown = titled(f"how far off forecasts of {', '.join(recording.names)} were", heads, numbers=heads)
     for row in table.filter(pl.col("horizon").round(1).is_in(SHOWN_HORIZONS)).iter_rows(named=True):

@@ -1,7 +1,7 @@
 """The diagnosis: what is wrong with the roads of some files, where, how bad it is, and what to do about it."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -129,6 +129,14 @@ class Diagnosis:
         found = ", ".join(f"{kind.value}: {counts[kind.value]}" for kind in Severity if counts[kind.value])
         return f"<Diagnosis of {', '.join(road.site for road in self.roads)}; {found or 'nothing found'}>"
 
+    def __str__(self) -> str:
+        """Returns what was found and what to do, line by line."""
+        roads = [(f"{one.site}: {one.vehicles:,} vehicles, {one.rows:,} rows", one.findings) for one in self.roads]
+        files = [("all files", self.in_files)] if self.in_files else []
+        lines = [line for title, findings in [*files, *roads] for line in (title, *_lines(findings))]
+        end = "this would spoil a forecast" if self.spoils else "nothing here would spoil a forecast"
+        return "\n".join([*lines, end])
+
     def _repr_html_(self) -> str:
         rows = {one.check.title: f"{one.severity.value}: {one.check.counting(one.count)}" for one in self.findings}
         return html_table(repr(self)[1:-1], rows)
@@ -200,6 +208,12 @@ def _judged(
     order = list(Severity)
     findings.sort(key=lambda finding: (order.index(finding.severity), -finding.share))
     return tuple(findings), tuple(sound), unassessed
+
+
+def _lines(findings: Iterable[Finding]) -> Iterator[str]:
+    for one in findings:
+        share = f", {one.share:.2%}" if one.of else ""
+        yield f"  {one.severity.value}: {one.check.title} ({one.check.counting(one.count)}{share}). {one.check.advice}"
 
 
 def _spoils(findings: Iterable[Finding]) -> bool:

@@ -109,6 +109,11 @@ class Summary:
         what = f"{self.total['vehicles']:,} vehicles, {self.total['rows']:,} rows"
         return f"<Summary of {self.site}: {what} in {count} window{'s' if count != 1 else ''}>"
 
+    def __str__(self) -> str:
+        """Returns the numbers of all windows together, line by line."""
+        lines = [f"{label}: {_cell(self.total, name)}" for name, label in COUNTS.items()]
+        return "\n".join([repr(self)[1:-1], *(f"  {line}" for line in lines), *map(str, self.breaches)])
+
     def _repr_html_(self) -> str:
         return html_table(repr(self)[1:-1], {label: _cell(self.total, name) for name, label in COUNTS.items()})
 

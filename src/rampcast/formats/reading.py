@@ -14,10 +14,12 @@ from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
 from rampcast.formats.registry import all_formats, format_named
 from rampcast.recording import Recording, write_recordings
+from rampcast.recording import columns as c
 from rampcast.recording.breach import Doubtful
 from rampcast.recording.cutting import cut_tracks
 from rampcast.recording.invariants import check_believable
 from rampcast.recording.reading import BadRows, ReadReport
+from rampcast.recording.recording import TABLE
 from rampcast.roads.ramp import road_named
 from rampcast.sites import Site, site_of
 
@@ -157,22 +159,23 @@ def convert_all(
     A format of huge files is converted part by part, in little memory. The other arguments are those of `read_all`.
 
     Args:
-        out: the file to write, a .parquet; of several roads one each, named as `write_recordings` does.
+        out: the file to write, a .parquet, or a .csv, which keeps no site; of several roads as `write_recordings` says.
         doubtful: whether a recording that is not as roads and vehicles are is refused, or written all the same.
 
     Raises:
-        FormatError: `out` is no .parquet or one of the files to read, or as `read_all`.
+        FormatError: `out` is neither, or one of the files to read, or as `read_all`.
         RecordingError: as `read_all`, or a recording is not as roads and vehicles are.
     """
     out = Path(out)
     site, format, mapping, bad_rows = _meant(site, format, mapping, bad_rows)
-    if out.suffix != ".parquet":
-        raise FormatError(f"{out}: a recording is written as a parquet file; choose a name that ends in .parquet")
+    if out.suffix not in (".parquet", TABLE):
+        raise FormatError(
+            f"{out}: a recording is written as parquet or csv; choose a name that ends in .parquet or .csv"
+        )
     heads = heads_of(source)
-    if any(out.resolve() == head.path.resolve() for head in heads):
-        raise FormatError(f"{out}: this is one of the files to read, and would be overwritten; choose another name")
+    _check_is_other(out, heads)
     entry = format_of(heads, format) if mapping is None else None
-    if entry is not None and entry.convert is not None:
+    if entry is not None and entry.convert is not None and out.suffix != TABLE:
         written, report = entry.convert(heads, out, site, bad_rows)
         return list(written), report
     recordings, report = _read(heads, site, entry.name if entry else format, mapping, bad_rows)
@@ -180,6 +183,11 @@ def convert_all(
     for recording in recordings:
         check_believable(replace(recording, is_accepted=accepted), doing=f"conversion of {', '.join(report.files)}")
     return write_recordings(recordings, out), report
+
+
+def _check_is_other(out: Path, heads: Sequence[Head]) -> None:
+    if any(out.resolve() == head.path.resolve() for head in heads):
+        raise FormatError(f"{out}: this is one of the files to read, and would be overwritten; choose another name")
 
 
 def format_of(heads: Sequence[Head], name: str | None = None) -> Format:
@@ -217,8 +225,31 @@ def _told_by_content(head: Head) -> Format:
         if reason is None:
             return entry
         reasons.append((entry, reason))
+    check_is_table(head)
+    nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
+    tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
+    raise FormatError(
+        f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, `rampcast start` "
+        "finds out what is in it, or describe it with --mapping; --format says which it is.\n"
+        f"Tried, the nearest first: {tried}"
+    )
+
+
+def check_is_table(head: Head) -> None:
+    """Checks what is in no known format: whether it can be a table that somebody describes.
+
+    Raises:
+        FormatError: it is empty, no text, or a recording of rampcast's that another program wrote again.
+    """
     if head.is_text and not head.text.strip():
         raise FormatError(f"{head.name}: the file is empty; get it again")
+    if c.SCHEMA.keys() <= set(head.types or ()):
+        raise FormatError(
+            f"{head.name}: a recording of rampcast's that another program wrote again, without its site and the time "
+            "between two frames. Cut it so that it keeps them: recording = rc.read(FILE); rampcast.recording."
+            "write_recording(dataclasses.replace(recording, tracks=recording.tracks.filter(...)), OUT); see "
+            "docs/formats/rampcast.md (`rampcast docs rampcast`)"
+        )
     if COMMONROAD.search(head.text) and CONTROL.search(head.text):
         raise FormatError(
             f"{head.name}: a CommonRoad scenario as protobuf, which is not read. Write it as xml, with commonroad-io: "
@@ -229,10 +260,3 @@ def _told_by_content(head: Head) -> Format:
             f"{head.name}: in none of the formats that rampcast knows: it is no parquet file, and holds bytes that no "
             "text has. Unpack it, or export it as csv or parquet"
         )
-    nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
-    tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
-    raise FormatError(
-        f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, `rampcast start` "
-        "finds out what is in it, or describe it with --mapping; --format says which it is.\n"
-        f"Tried, the nearest first: {tried}"
-    )

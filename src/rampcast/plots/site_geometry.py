@@ -39,7 +39,7 @@ def site_geometry(site: Site, *, ax: Axes | None = None) -> Axes:
 
 def _mark_ramp(ax: Axes, site: Site, bottom: float, top: float) -> None:
     end = min(site.ramp_end, site.length)
-    before, beside = (np.linspace(*bounds, 50) for bounds in ((0.0, site.gore), (site.gore, end)))
+    before, beside = (np.linspace(*bounds, 50) for bounds in ((_known_from(site), site.gore), (site.gore, end)))
     ax.plot(before, site.lane_line_y(before), color=style.BLACK, linewidth=1.6, label="may not be crossed")
     ax.plot(beside, site.lane_line_y(beside), color=style.BLACK, linewidth=1.6, linestyle=(0, (4, 3)), label="merging")
     if not np.isnan(site.merge_zone[0]):
@@ -82,10 +82,16 @@ def _extent(site: Site, lane: Lane) -> tuple[float, float]:
     )
     shares_place = any(n.centre == lane.centre and n.number != lane.number for n in site.lanes)
     if lane.role == "ramp":
-        return (0.0, min(site.ramp_end, site.length) if lane == beside else site.gore)
+        return (_known_from(site), min(site.ramp_end, site.length)) if lane == beside else (0.0, site.gore)
     if lane.role == "exit" or (lane.role == "shoulder" and shares_place):
         return (min(site.ramp_end, site.length), site.length)
     return (0.0, site.length)
+
+
+def _known_from(site: Site) -> float:
+    """Returns from where on it is known how the ramp runs [m]: upstream of that it comes from elsewhere."""
+    first = site.lane_line[0][0] if site.lane_line else 0.0
+    return min(max(first, 0.0), site.gore)
 
 
 def _lane_text(site: Site, lane: Lane) -> str:

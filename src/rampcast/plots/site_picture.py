@@ -164,9 +164,11 @@ def _draw_plane(ax: Axes, site: Site, tracks: pl.DataFrame) -> None:
         lower, upper = ends[np.argsort(ends[:, 1], kind="stable")]
         is_above = number % 2 == 1  # names of neighbouring marks lie on both sides of the road
         place_of_name, offset, align = (upper, 3, "bottom") if is_above else (lower, -3, "top")
+        is_left = place_of_name[0] < ends[:, 0].mean()  # away from the road, which may run in any direction
         text = ax.annotate(
-            name, place_of_name, textcoords="offset points", xytext=(3, offset), fontsize=8, va=align, color=color
-        )
+            name, place_of_name, textcoords="offset points", xytext=(-3 if is_left else 3, offset), fontsize=8,
+            va=align, ha="right" if is_left else "left", color=color,
+        )  # fmt: skip
         _with_halo(text)
     _show_all(ax, np.concatenate([place, line.points]))
     ax.grid(visible=False)

@@ -21,6 +21,7 @@ KEY = (c.RECORDING, c.VEHICLE, c.FRAME)
 FILE_VERSION = 1
 METADATA_KEY = "rampcast"
 READ_FIRST = "rc.read makes one of files"  # what to do where a recording is expected
+TABLE = ".csv"  # how the name of a table ends
 LEVEL = 1  # of zstd: the fastest
 
 
@@ -124,12 +125,18 @@ def write_recording(recording: Recording, path: Path) -> None:
 def write_recordings(recordings: Sequence[Recording], path: Path) -> list[Path]:
     """Writes recordings of the roads of one place and returns the files: of one road `path`, of several one each.
 
-    Of several, x.parquet becomes x-ROAD.parquet: what the names of the sites do not share.
+    Of several, x.parquet becomes x-ROAD.parquet: what the names of the sites do not share. x.csv is a plain table.
     """
     files = road_files([recording.site for recording in recordings], Path(path))
     for recording, file in zip(recordings, files, strict=True):
-        write_recording(recording, file)
+        (_write_table if file.suffix == TABLE else write_recording)(recording, file)
     return files
+
+
+def _write_table(recording: Recording, path: Path) -> None:
+    """Writes the tracks as a csv of plain columns (docs/formats/plain.md), whole or not at all, without the site."""
+    with write_whole(path) as partial:
+        recording.tracks.with_columns(time=(pl.col(c.FRAME) * recording.time_step).round(6)).write_csv(partial)
 
 
 def road_files(sites: Sequence[Site], path: Path) -> list[Path]:

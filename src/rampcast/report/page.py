@@ -102,7 +102,7 @@ def write_picture(
     drawing = {
         "fan": lambda figure: pictures.draw_fan(figure, *_typical(asked, truth), recording),
         "merges": lambda figure: pictures.draw_merges(figure, measures.merges(recording), recording.site),
-        "trust": lambda figure: pictures.draw_trust(figure, measures.errors(truth)),
+        "trust": lambda figure: pictures.draw_trust(figure, measures.errors(truth), recording.site),
     }
     content = _drawn(drawing[picture])
     with write_whole(out) as partial:
@@ -154,7 +154,7 @@ def _slides(
     scene = measures.typical_scene(truth)
     drawn = {
         SLIDES[1]: _drawn(lambda figure: pictures.draw_merges(figure, found["merges"], recording.site)),
-        SLIDES[2]: _drawn(lambda figure: pictures.draw_trust(figure, found["errors"])),
+        SLIDES[2]: _drawn(lambda figure: pictures.draw_trust(figure, found["errors"], recording.site)),
     }
     if scene:
         of_it = [pl.col(name) == scene[name] for name in measures.SCENE]

@@ -1,13 +1,14 @@
 """Three pictures for slides: 16:9, large type, a title that says what is seen."""
 
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, MultipleLocator, PercentFormatter
 
 from rampcast.plots import style
 from rampcast.recording import Recording
@@ -20,6 +21,7 @@ TYPE: Final[dict[Any, Any]] = {
     "font.size": 17.0, "axes.titlesize": 21.0, "axes.labelsize": 18.0, "xtick.labelsize": 16.0,
     "ytick.labelsize": 16.0, "legend.fontsize": 16.0, "lines.linewidth": 3.0,
 }  # fmt: skip
+LEAST_SHOWN: Final = 0.5  # of the share inside the band: a scale from 0 would press the lines flat
 AROUND: Final = 60.0  # [m] of road drawn behind and ahead of what a forecast spans
 ASPHALT, MERGING = "#E9E9E9", "#CFE3F1"
 SITUATIONS: Final = {"from the ramp": style.VERMILLION, "free traffic": style.BLUE, "slow traffic": style.GREEN}
@@ -27,7 +29,14 @@ SITUATIONS: Final = {"from the ramp": style.VERMILLION, "free traffic": style.BL
 
 def slide() -> Figure:
     """Returns an empty slide."""
-    return Figure(figsize=SIZE, layout="constrained")
+    return Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(w_pad=0.2, h_pad=0.15, wspace=0.06))
+
+
+def _entitle(figure: Figure, title: str, site: Site) -> None:
+    """Writes what a slide shows above it, and that its traffic is simulated where it is."""
+    figure.suptitle(title, fontsize=21, fontweight="bold", x=0.015, ha="left")
+    if site.simulated:
+        figure.text(0.015, 0.012, "simulated traffic", ha="left", va="bottom", fontsize=16, color="#8A3B00")
 
 
 def draw_fan(figure: Figure, forecast: pl.DataFrame, truth: pl.DataFrame, recording: Recording) -> None:
@@ -49,16 +58,14 @@ def draw_fan(figure: Figure, forecast: pl.DataFrame, truth: pl.DataFrame, record
     low, high = start - AROUND, float(forecast["x_q95"].max() or start) + AROUND  # type: ignore[arg-type]
     _draw_road(road, recording.site, now, own["vehicle"], (max(low, 0.0), min(high, recording.site.length)))
     on_ramp = own["lane"] in recording.site.ramp_lanes
-    figure.suptitle(
-        f"Where {'a vehicle on the ramp' if on_ramp else 'a vehicle'} will be in the next 15 s, and where it was",
-        fontsize=21, fontweight="bold", x=0.01, ha="left",
-    )  # fmt: skip
+    site, who = recording.site, "a vehicle on the ramp" if on_ramp else "a vehicle"
+    _entitle(figure, f"Where {who} will be in the next 15 s, and where it was", site)
     _draw_places(fan, forecast, truth, start)
-    site = recording.site
     if site.has_ramp and low < site.ramp_end < high:
         fan.axhline(site.ramp_end, color=style.VERMILLION, linewidth=2, linestyle=":", label="end of the ramp")
     fan.set(xlabel="seconds from now", ylabel="place along the road [m]", xlim=(0, 15))
-    fan.legend(loc="upper left")
+    fan.xaxis.set_major_locator(MultipleLocator(3))
+    fan.legend(loc="upper left", frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _draw_places(fan: Axes, forecast: pl.DataFrame, truth: pl.DataFrame, start: float) -> None:
@@ -85,13 +92,9 @@ def _draw_places(fan: Axes, forecast: pl.DataFrame, truth: pl.DataFrame, start: 
 def _draw_road(ax: Axes, site: Site, now: pl.DataFrame, vehicle: Any, extent: tuple[float, float]) -> None:
     for lane in site.lanes:
         is_ramp = lane.role == "ramp"
-        end = min(site.ramp_end, site.length) if is_ramp else site.length
-        color = MERGING if is_ramp else ASPHALT
-        ax.add_patch(
-            Rectangle(
-                (0, lane.centre - LANE_WIDTH / 2), end, LANE_WIDTH, facecolor=color, edgecolor="white", linewidth=2
-            )
-        )
+        begin, end = (max(site.gore, 0.0), min(site.ramp_end, site.length)) if is_ramp else (0.0, site.length)
+        shape: dict[str, Any] = {"facecolor": MERGING if is_ramp else ASPHALT, "edgecolor": "white", "linewidth": 2}
+        ax.add_patch(Rectangle((begin, lane.centre - LANE_WIDTH / 2), end - begin, LANE_WIDTH, **shape))
     for row in now.iter_rows(named=True):
         is_own = row[c.VEHICLE] == vehicle
         color = style.INDIGO if is_own else style.GREY
@@ -105,7 +108,7 @@ def _draw_road(ax: Axes, site: Site, now: pl.DataFrame, vehicle: Any, extent: tu
     ax.set_ylim(min(centres + near) - LANE_WIDTH, max(centres) + LANE_WIDTH)
     ax.set_yticks([])
     ax.grid(visible=False)
-    ax.set_xlabel("the road now, from above [m]: the vehicle is violet, the ramp light blue")
+    ax.set_xlabel("the road now, from above [m]: the vehicle is violet, the lane to merge from light blue")
 
 
 def draw_merges(figure: Figure, merges: pl.DataFrame, site: Site) -> None:
@@ -117,51 +120,56 @@ def draw_merges(figure: Figure, merges: pl.DataFrame, site: Site) -> None:
         site: the road.
     """
     where, when = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
-    figure.suptitle("Where and when vehicles merge", fontsize=21, fontweight="bold", x=0.01, ha="left")
+    _entitle(figure, "Where and when vehicles merge", site)
     if not merges.height:
         where.text(0.5, 0.5, "no merge was recorded", transform=where.transAxes, ha="center")
         return
     x = merges["x"].to_numpy()
     cells = np.arange(np.floor(x.min() / 20) * 20, x.max() + 20, 20)
     where.hist(x, bins=cells, color=style.BLUE, edgecolor="white")
+    where.set_ylim(top=1.16 * where.get_ylim()[1])  # room for the names of both marks
+    if site.has_ramp:
+        _mark(where, site.gore, " ramp begins", "left")
     if site.has_ramp and not site.ramp_goes_on:
-        where.axvline(site.ramp_end, color=style.VERMILLION, linestyle=":")
-        where.annotate(
-            "ramp ends ",
-            (site.ramp_end, 0.97),
-            xycoords=("data", "axes fraction"),
-            ha="right",
-            va="top",
-            color="#8A3B00",
-        )
+        _mark(where, site.ramp_end, "ramp ends ", "right")
     where.set(xlabel="place along the road [m]", ylabel="merges in 20 m")
     minutes = merges.group_by("minute").len().sort("minute")
     when.bar(minutes["minute"].to_numpy(), minutes["len"].to_numpy(), color=style.BLUE)
     when.set(xlabel="minute of the recording", ylabel="merges in a minute")
-    when.yaxis.get_major_locator().set_params(integer=True)
+    for axis in (when.xaxis, when.yaxis):
+        axis.set_major_locator(MaxNLocator(6, integer=True))
 
 
-def draw_trust(figure: Figure, errors: pl.DataFrame) -> None:
+def _mark(ax: Axes, x: float, text: str, side: Literal["left", "right"]) -> None:
+    """Draws a place along the road as a line with its name."""
+    ax.axvline(x, color=style.VERMILLION, linestyle=":")
+    ax.annotate(text, (x, 0.98), xycoords=("data", "axes fraction"), ha=side, va="top", color="#8A3B00")
+
+
+def draw_trust(figure: Figure, errors: pl.DataFrame, site: Site) -> None:
     """Draws how far off forecasts were and how often what came lay in the 90 % band, by horizon.
 
     Args:
         figure: to draw into.
         errors: of `measures.errors`.
+        site: the road.
     """
     off, inside = figure.subplots(1, 2)
-    figure.suptitle(
-        "How far off forecasts were, and how often the band held", fontsize=21, fontweight="bold", x=0.01, ha="left"
-    )
+    _entitle(figure, "How far off forecasts were, and how often the band held", site)
+    lowest = LEAST_SHOWN
     for situation, color in SITUATIONS.items():
         rows = errors.filter(pl.col("situation") == situation)
         if rows.height:
             t = rows["horizon"].to_numpy()
             off.plot(t, rows["mean_error"].to_numpy(), color=color, label=situation)
             inside.plot(t, rows["inside_90"].to_numpy(), color=color, label=situation)
+            lowest = min(lowest, float(rows["inside_90"].to_numpy().min()) - 0.05)
     inside.axhline(0.9, color=style.BLACK, linestyle=":", linewidth=2, label="as promised: 90 %")
     off.set(xlabel="seconds ahead", ylabel="mean error [m]", xlim=(0, 15.3))
     off.set_ylim(bottom=0)
-    inside.set(xlabel="seconds ahead", ylabel="inside the 90 % band", xlim=(0, 15.3), ylim=(0, 1.02))
+    inside.set(xlabel="seconds ahead", ylabel="inside the 90 % band", xlim=(0, 15.3), ylim=(max(lowest, 0.0), 1.02))
+    for ax in (off, inside):
+        ax.xaxis.set_major_locator(MultipleLocator(3))
     inside.yaxis.set_major_formatter(PercentFormatter(1.0))
     off.legend(loc="upper left")
     inside.legend(loc="lower left")

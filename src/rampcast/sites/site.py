@@ -148,12 +148,13 @@ def site_names() -> list[str]:
 
 
 def load_site(name: str | Path) -> Site:
-    """Returns the site of that name, or the one described by the TOML file at that path.
+    """Returns the site of that name, in capitals or not, or the one described by the TOML file at that path.
 
     Raises:
         SiteError: there is no such site, or its file lacks a value or has one of the wrong kind.
     """
-    path = Path(name) if str(name).endswith(".toml") else SITE_FOLDER / f"{name}.toml"
+    shipped = {known.casefold(): known for known in site_names()}.get(str(name).casefold(), name)
+    path = Path(name) if str(name).endswith(".toml") else SITE_FOLDER / f"{shipped}.toml"
     if not path.is_file():
         raise SiteError(
             f"there is no site '{name}'{close_name(str(name), site_names()) or '.'} "

@@ -9,15 +9,16 @@ from typing import Any, Final
 
 import tomli_w
 
+from rampcast.doctor import Severity, examine
 from rampcast.errors import FormatError
 from rampcast.files import write_outputs
-from rampcast.formats import read_all
+from rampcast.formats import read_all, read_any
 from rampcast.formats.files.head import heads_of
-from rampcast.formats.reading import format_of
+from rampcast.formats.reading import check_is_table, format_of
 from rampcast.plots.site_picture import write_site_picture
 from rampcast.recording import Recording
 from rampcast.recording.reading import ReadReport
-from rampcast.roads.ramp import mirrored, road_named, with_ramp, without_ramp
+from rampcast.roads.ramp import SOURCE, mirrored, road_named, with_ramp, without_ramp
 from rampcast.sites import Site, write_site
 from rampcast.start.asking import NOTHING, Answers, Ask, Proposal, Question, StartError, answer_to, nobody_answers
 from rampcast.start.proposal import propose
@@ -27,6 +28,12 @@ from rampcast.start.wrong_guess import wrong_in
 
 MAPPING, SITE, PICTURE, COMMANDS = "mapping.toml", "site.toml", "site.png", "commands.txt"
 NONE: Final = "none"
+BETTER: Final = {
+    "target_lane": "--target-lane NUMBER",
+    "gore": "--gore METRES",
+    "ramp_end": "--ramp-end METRES (inf: it goes on). Forecasts hold that nobody drives on the ramp beyond it",
+    "merge_zone": "--merge-zone FROM TO",
+}
 
 
 @dataclass(frozen=True)
@@ -89,16 +96,27 @@ def start(
     _check(recording)
     tell(f"road: {recording.site.length:.0f} m, {len(recording.site.lanes)} lanes, {len(recording.names)} part(s)")
     site, why = _with_ramp(recording, answers, ask)
-    tell(f"ramp: {why}")
+    guesses = _guesses(site)
+    for reason in (f"ramp: {why}", *guesses):
+        tell(reason)
     commands = tuple(_commands(files, out, mapping=bool(proposal.values)))
+    made = _written(files, out, proposal, site, commands)
+    verdict = _verdict(made)
+    tell(verdict)
+    reasons = (*proposal.reasons, f"ramp: {why}", *guesses, verdict)
+    return Started(taken_for, proposal.values, reasons, made, site, report, commands, out)
+
+
+def _written(files: Sequence[Path], out: Path, proposal: Proposal, site: Site, commands: Sequence[str]) -> Recording:
+    """Writes what was found, and returns the recording as the commands will read it."""
     with write_outputs(out) as new:
         if proposal.values:
             (new / MAPPING).write_text(_toml(proposal), encoding="utf-8")
         write_site(site, new / SITE)
-        write_site_picture(replace(recording, site=site), new / PICTURE)
+        made, _ = read_any([*files], mapping=new / MAPPING if proposal.values else None, site=new / SITE)
+        write_site_picture(made, new / PICTURE)
         (new / COMMANDS).write_text("\n".join(commands) + "\n", encoding="utf-8")
-    reasons = (*proposal.reasons, f"ramp: {why}")
-    return Started(taken_for, proposal.values, reasons, recording, site, report, commands, out)
+    return made
 
 
 def known_format(files: Sequence[Path]) -> str:
@@ -117,8 +135,9 @@ def proposed(files: Sequence[Path], answers: Answers = NOTHING, ask: Ask = nobod
         StartError: it asks what nobody answers.
         FormatError: it is no table.
     """
-    name = answers.name or files[0].name.partition(".")[0]
-    return propose(sample_of_head(heads_of([files[0]])[0]), replace(answers, name=name), ask)
+    name, head = answers.name or files[0].name.partition(".")[0], heads_of([files[0]])[0]
+    check_is_table(head)
+    return propose(sample_of_head(head), replace(answers, name=name), ask)
 
 
 def _toml(proposal: Proposal) -> str:
@@ -150,6 +169,13 @@ def _read(files: Sequence[Path], values: dict[str, Any], answers: Answers, ask: 
     return road_named(recordings, answer), report
 
 
+def _verdict(recording: Recording) -> str:
+    """Returns what `rampcast doctor` will say of it, in a sentence or two."""
+    spoilt = [one for one in examine(recording).findings if one.severity is Severity.SPOILS]
+    told = "; ".join(f"{one.check.title}: {one.check.counting(one.count)}. {one.check.advice}" for one in spoilt)
+    return f"doctor: this would spoil a forecast: {told}" if told else "doctor: nothing here would spoil a forecast"
+
+
 def _check(recording: Recording) -> None:
     if wrong := wrong_in(recording):
         raise StartError(f"This cannot be right: {wrong}")
@@ -178,6 +204,14 @@ def _with_ramp(recording: Recording, answers: Answers, ask: Ask) -> tuple[Site, 
     if not answer.isdigit():
         raise StartError(f"--ramp-lane: expected the number of a lane, got {answer}")
     return with_ramp(site, recording, replace(answers.ramp, lanes=(int(answer),))), "as was answered"
+
+
+def _guesses(site: Site) -> list[str]:
+    """Returns what of the ramp is taken from the tracks alone, and the options that say it better."""
+    told = [note.text for note in site.notes if note.source == SOURCE]
+    return [
+        f"{text} Know better: {option}" for text in told for name, option in BETTER.items() if text.startswith(name)
+    ]
 
 
 def _commands(files: Sequence[Path], out: Path, *, mapping: bool) -> list[str]:

@@ -120,6 +120,9 @@ def _axes(
     as_they_are = {"x": (columns["x"], False), "y": (columns["y"], False)}
     if answers.plane:
         return as_they_are, True, "what was said"
+    nearest = min(float(table[columns[one]].abs().min() or 0.0) for one in ("x", "y"))  # type: ignore[arg-type]
+    if answers.plane is None and nearest * factor > UTM:
+        return as_they_are, True, "places are those of a map"
     moved = np.hypot(motion.dx, motion.dy)
     is_moving = moved > 0.2 * fast(moved)
     along_x, along_y = (float(np.median(np.abs(d[is_moving]) / moved[is_moving])) for d in (motion.dx, motion.dy))
