@@ -98,11 +98,11 @@ def test_names_of_files_are_what_the_names_of_the_sites_do_not_share(table, tmp_
     assert write_recordings([one], tmp_path / "y.parquet") == [tmp_path / "y.parquet"]
 
 
-def test_convert_overwrites_none_of_its_inputs_and_writes_parquet_only(tmp_path):
+def test_convert_overwrites_none_of_its_inputs_and_writes_parquet_or_csv_only(tmp_path):
     own = tmp_path / "own.parquet"
     own.write_bytes(shipped_sample()[0].read_bytes())
     before = own.read_bytes()
-    for out, message in ((own, "one of the files to read"), (tmp_path / "own.csv", "ends in .parquet")):
+    for out, message in ((own, "one of the files to read"), (tmp_path / "own.txt", "ends in .parquet or .csv")):
         with pytest.raises(FormatError, match=message):
             convert_all([own], out)
     assert own.read_bytes() == before
