@@ -1,6 +1,7 @@
 """Commands of the live service."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,10 @@ Origin = Annotated[
     list[str] | None,
     typer.Option("--origin", metavar="LAT,LON", help="Where (0, 0) of the site's plane lies; SITE=LAT,LON of several."),
 ]
+Control = Annotated[
+    str | None,
+    typer.Option("--control", metavar="RULE", help="Drive a metered ramp in SUMO under a rule of docs/control.md."),
+]
 Speed = Annotated[float, typer.Option("--speed", help="Of a replay: times as quick as it was recorded.")]
 Repeat = Annotated[bool, typer.Option("--repeat", help="Of a replay: begin anew at its end.")]
 Host = Annotated[str, typer.Option("--host", help="Address to listen at.")]
@@ -50,12 +55,14 @@ Origins = Annotated[
 
 @app.command(
     epilog="Examples:\n\nrampcast serve --source recording.parquet --speed 1\n\n"
+    "rampcast serve --control alinea\n\n"
     "rampcast serve --site i80 --site us101 --host 0.0.0.0 --token-file token --behind-proxy"
 )
 def serve(
     site: Sites = None,
     source: Sources = None,
     origin: Origin = None,
+    control: Control = None,
     model: AnyModel = None,
     speed: Speed = 1.0,
     repeat: Repeat = False,
@@ -81,7 +88,8 @@ def serve(
     may_ask, may_use = tuple(allow_host or ()), tuple(allow_origin or ())
     address = Address(host, port, certificate, key, behind_proxy, token_of(token_file), may_ask, may_use)
     reading = Reading(only_site(site or []), format, mapping, skip_bad_rows)
-    stations, sources = parts_of(site or [], source or [], origin or [], reading, speed=speed, repeats=repeat)
+    under = [] if control is None else [controlled(control, speed=speed, model=model)]
+    stations, sources = parts_of(site or [], source or [], origin or [], reading, under, speed=speed, repeats=repeat)
     names = ", ".join(one.name for one in stations)
     run(
         stations,
@@ -98,9 +106,16 @@ def only_site(sites: list[str]) -> str | None:
 
 
 def parts_of(
-    sites: list[str], sources: list[str], origins: list[str], reading: Reading, *, speed: float, repeats: bool
+    sites: list[str],
+    sources: list[str],
+    origins: list[str],
+    reading: Reading,
+    under: "Sequence[tuple[Station, Source]]" = (),
+    *,
+    speed: float,
+    repeats: bool,
 ) -> "tuple[list[Station], list[Source]]":
-    """Returns the sites, and what gives them frames.
+    """Returns the sites, and what gives them frames; those under a controller besides.
 
     Raises:
         RampcastError: there is none, or one cannot be read.
@@ -110,16 +125,33 @@ def parts_of(
     from rampcast.sites import load_site
 
     stations = {one.name: Station(one.name, one) for one in map(load_site, sites)}
+    stations |= {station.name: station for station, _ in under}
 
     def read(path: Path) -> "Recording":
         return read_raw([path], reading)
 
     found = [source_of(source, stations, read, speed=speed, repeats=repeats) for source in sources]
+    found += [source for _, source in under]
     if not stations:
         raise RampcastError("no site was given: name one with --site, or a recording with --source")
     for origin in origins:
         place_on_earth(stations, origin)
     return [*stations.values()], found
+
+
+def controlled(rule: str, *, speed: float, model: Path | None) -> "tuple[Station, Source]":
+    """Returns a ramp under a rule, in SUMO, and what drives it.
+
+    Raises:
+        RampcastError: there is no such rule.
+    """
+    from rampcast.control.showing import SITE, job_of
+    from rampcast.live.station import Station
+    from rampcast.live.sumo import Sumo
+
+    site = job_of(rule, 1).plan.corridor.site
+    name = "pretrained" if model is None else str(model.absolute())
+    return Station(SITE, site), Sumo(SITE, speed=speed, rule=rule, model=name)
 
 
 def place_on_earth(stations: "dict[str, Station]", origin: str) -> None:

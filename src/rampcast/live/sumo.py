@@ -21,17 +21,28 @@ class Sumo:
         station: id of the site.
         speed: times as quick.
         seed: of every draw.
+        rule: of `rampcast.control`, that has the ramp's light and advice; None for a ramp without.
+        model: name or folder of the forecaster of a rule that looks ahead.
     """
 
     station: str
     speed: float = 1.0
     seed: int = 1
+    rule: str | None = None
+    model: str = "pretrained"
+
+    @property
+    def program(self) -> list[str]:
+        """Returns what is run; as text, for control stands beside the live service and above it."""
+        if self.rule is None:
+            return ["rampcast.simulate.running", str(self.speed), str(self.seed)]
+        return ["rampcast.control.showing", self.rule, str(self.speed), str(self.seed), self.model]
 
     async def run(self, service: Service) -> None:
         """Takes the frames of the simulation in until it ends."""
         station = service.stations[self.station]
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "rampcast.simulate.running", str(self.speed), str(self.seed),
+            sys.executable, "-m", *self.program,
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=MOST_BYTES,
         )  # fmt: skip
         assert process.stdin is not None
