@@ -40,7 +40,7 @@ def _section(command: CommandInfo) -> str:
     shown = "\n".join(re.sub(r"\s{2,}(\(.*\))", r"   # \1", example) for example in examples)
     rows = "\n".join(_rows(callback))
     return (
-        f"## rampcast {callback.__name__}\n\n{_plain(inspect.getdoc(callback) or '')}\n\n{heading}\n\n"
+        f"## rampcast {command.name or callback.__name__}\n\n{_plain(inspect.getdoc(callback) or '')}\n\n{heading}\n\n"
         f"```console\n{shown}\n```\n\n| | | default | |\n|---|---|---|---|\n{rows}\n"
     )
 

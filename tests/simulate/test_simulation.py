@@ -7,7 +7,7 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
-from rampcast.errors import MissingExtra, RecordingError, SiteError
+from rampcast.errors import MissingExtra, RampcastError, RecordingError, SiteError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate import simulate
@@ -83,3 +83,17 @@ def test_a_target_lane_that_is_not_the_rightmost_is_refused() -> None:
 def test_a_ramp_lane_that_goes_on_cannot_be_simulated() -> None:
     with pytest.raises(SiteError, match="needs a ramp lane that ends in the section; length is 503 m, ramp_end inf m"):
         main_lanes(replace(load_site("i80"), ramp_end=math.inf))
+
+
+@pytest.mark.sumo
+def test_drivers_are_named_by_their_set() -> None:
+    with pytest.raises(RampcastError, match="drivers: expected one of default, queue_headway, got"):
+        simulate(load_site("i80"), **SHORT, drivers="angry")
+
+
+@pytest.mark.slow
+@pytest.mark.sumo
+def test_drivers_who_left_a_queue_keep_a_longer_headway(i80: Recording) -> None:
+    other = simulate(load_site("i80"), **SHORT, drivers="queue_headway")
+    assert other.names == i80.names
+    assert other.tracks.height < i80.tracks.height  # fewer get in within the same time

@@ -6,7 +6,7 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
-from rampcast.cli.options import OutFolder
+from rampcast.cli.options import AnyModel, OutFile, OutFolder
 
 
 @app.command(
@@ -27,3 +27,20 @@ def experiment(
         done = run(asked, out, processes=processes, progress=tell)
     for path in done.files:
         terminal.say(f"wrote {path}")
+
+
+@app.command(
+    name="export-sumo",
+    epilog="Example:\n\nrampcast export-sumo --model out/model --out drivers.add.xml   (then sumo -a drivers.add.xml)",
+)
+def export_sumo(out: OutFile, model: AnyModel = None) -> None:
+    """Writes the drivers of a model as vehicle types that SUMO loads."""
+    from rampcast.arguments import expected
+    from rampcast.control.export_sumo import export_sumo as write
+    from rampcast.forecast.forecaster import Forecaster
+    from rampcast.forecast.storage import PRETRAINED, load
+
+    found = load(PRETRAINED if model is None else model)
+    advice = "the paper's framework has no drivers of its own"
+    count = write(expected(Forecaster, found, name="--model", advice=advice), out)
+    terminal.say(f"wrote {out}: {count} drivers, in the distributions drivers_main and drivers_ramp")

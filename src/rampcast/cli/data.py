@@ -211,6 +211,7 @@ def simulate(
     seed: Seed = 1,
     window: Annotated[str, typer.Option("--window", help="Name of the window.")] = "1",
     noise: Annotated[float, typer.Option("--noise", min=0.0, help="Standard deviation of position noise \\[m].")] = 0.0,
+    drivers: Annotated[str, typer.Option("--drivers", help="Set of drivers: default or queue_headway.")] = "default",
 ) -> None:
     """Simulates a recording of a site with SUMO (needs [bold]pip install "rampcast\\[sumo]"[/])."""
     from rampcast.recording import write_recording
@@ -223,6 +224,7 @@ def simulate(
             seed=seed,
             window=window,
             position_noise=noise,
+            drivers=drivers,
             progress=lambda share: tell("simulate", round(100 * share), 100),
         )
         write_recording(recording, out)

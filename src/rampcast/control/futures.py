@@ -43,14 +43,20 @@ class Past:
         """Returns the newest frame."""
         return self._frames[-1][1]
 
-    def rows(self) -> Rows:
-        """Returns all rows, by vehicle and time."""
+    def rows(self, *, near: bool = False) -> Rows:
+        """Returns all rows, by vehicle and time.
+
+        Args:
+            near: whether only those in the target lane and on the ramp are asked for.
+        """
         columns = {
             name: np.concatenate([frame[name] for _, frame in self._frames])
             for name in (c.VEHICLE, c.X, c.Y, c.LANE, c.LENGTH, c.WIDTH, c.KIND)
         }
         time = np.concatenate([np.full(len(frame[c.X]), when) for when, frame in self._frames])
         order = np.lexsort((time, columns[c.VEHICLE]))
+        if near:
+            order = order[np.isin(columns[c.LANE][order], (self.site.target_lane, *self.site.ramp_lanes))]
         return Rows(time=time[order], **{name: values[order] for name, values in columns.items()})
 
 
@@ -64,14 +70,16 @@ class Model:
     Attributes:
         forecaster: what `rampcast.fit` or `rampcast.load` gave.
         samples: futures of each forecast.
+        near: whether only who is in the target lane or on the ramp is forecast, which takes two thirds of the time.
     """
 
     forecaster: Forecaster
     samples: int
+    near: bool = False
 
     def __call__(self, past: Past) -> Forecast:
         """Returns its forecast."""
-        traffic = traffic_of_rows(past.site, past.time, past.rows())
+        traffic = traffic_of_rows(past.site, past.time, past.rows(near=self.near))
         return forecast_traffic(self.forecaster.model, traffic, samples=self.samples)
 
 

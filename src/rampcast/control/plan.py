@@ -15,7 +15,7 @@ from rampcast.control.controller import Controller, checked
 from rampcast.errors import RampcastError
 from rampcast.file_values import Name, Positive, converted, not_one_of
 from rampcast.simulate.corridor import Corridor
-from rampcast.simulate.drivers import DRIVERS
+from rampcast.simulate.drivers import DRIVERS, drivers_of
 from rampcast.simulate.plant import Scenario
 
 SHIPPED: Final = ("full", "ci", "tiny")
@@ -161,8 +161,7 @@ def _checked(plan: Plan) -> Plan:
     first = {rule: several[0] for rule, several in plan.tune.items() if several}
     controllers = [checked(with_values(one, first)) for one in plan.controllers]
     names = [one.name for one in controllers]
-    if plan.drivers not in DRIVERS:
-        raise RampcastError(not_one_of(tuple(DRIVERS), plan.drivers, place="drivers"))
+    drivers_of(plan.drivers)
     if twice := [name for k, name in enumerate(names) if name in names[:k]]:
         raise RampcastError(f"controllers: two are called '{twice[0]}'; give one a label")
     if plan.baseline not in names:

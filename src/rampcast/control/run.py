@@ -86,15 +86,16 @@ def futures_of(controller: Controller, load: Load, *, samples: int, seed: int, p
         seed: of what is shuffled.
         plant: whose future it is.
     """
+    near = controller.rule in ("gap_release", "gap_advice")  # the other lanes are not asked about
     match controller.knows:
         case "nothing":
             return None
         case "constant":
             return constant_speeds
         case "model":
-            return Model(load(), samples)
+            return Model(load(), samples, near)
         case "shuffled":
-            return Shuffled(Model(load(), samples), np.random.default_rng([seed, 11]))
+            return Shuffled(Model(load(), samples, near), np.random.default_rng([seed, 11]))
     return Truth(plant)
 
 

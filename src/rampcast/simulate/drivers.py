@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from rampcast.errors import RampcastError
+from rampcast.file_values import not_one_of
 from rampcast.recording.columns import KINDS
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -67,3 +69,14 @@ QUEUE_HEADWAY: Final = Drivers(
     queue_memory=60.0,
 )
 DRIVERS: Final[Mapping[str, Drivers]] = {one.name: one for one in (DEFAULT, QUEUE_HEADWAY)}
+
+
+def drivers_of(name: str) -> Drivers:
+    """Returns the set of drivers of that name.
+
+    Raises:
+        RampcastError: there is none.
+    """
+    if name not in DRIVERS:
+        raise RampcastError(not_one_of(tuple(DRIVERS), name, place="drivers"))
+    return DRIVERS[name]

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from rampcast.simulate.drivers import Drivers
+
 QUEUED_SPEED: Final = 8.0  # [m/s] who is slower than that is in a queue
 LOOK_EVERY: Final = 1.0  # [s]
 
@@ -44,6 +46,14 @@ class QueueHeadway:
                 self._slow[name] = (time, own)
             elif name in self._slow and time - self._slow[name][0] > self.memory:
                 vehicle.setTau(name, self._slow.pop(name)[1])
+
+
+def with_queue_headway(command: Sequence[object], drivers: Drivers) -> list[object]:
+    """Returns a command of SUMO's, or the one that runs it with drivers whose headways change."""
+    if drivers.queue_tau == 1.0:
+        return list(command)
+    own = [sys.executable, "-W", "ignore", "-m", "rampcast.simulate.queue_headway"]
+    return [*own, drivers.queue_tau, drivers.queue_memory, *command]
 
 
 def main(factor: float, memory: float, command: Sequence[str]) -> None:

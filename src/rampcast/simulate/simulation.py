@@ -14,10 +14,12 @@ from rampcast.errors import RecordingError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.simulate.demand import draw_vehicles, write_sign, write_vehicles
+from rampcast.simulate.drivers import DEFAULT, Drivers, drivers_of
 from rampcast.simulate.lateral import lateral_path
 from rampcast.simulate.network import Road, main_lanes, ramp_roads, roads, write_network
 from rampcast.simulate.noise import add_position_noise
 from rampcast.simulate.programs import Progress, program, run_with_progress
+from rampcast.simulate.queue_headway import with_queue_headway
 from rampcast.sites import Site, site_of
 
 TIME_STEP = 0.1  # [s] NGSIM's 10 Hz; SUMO steps at the same rate, nothing is interpolated
@@ -43,33 +45,34 @@ def simulate(
     sign_speeds: tuple[float, float] = SIGN_SPEEDS,
     warm_up: float = WARM_UP,
     position_noise: float = 0.0,
+    drivers: str = DEFAULT.name,
     progress: Progress | None = None,
 ) -> Recording:
     """Returns a simulated recording of all lanes of a site, 10 Hz, congested, with waves that travel upstream.
 
-    The same arguments give the same recording with the same release of SUMO, and a shorter one begins a longer one.
+    The same arguments and release of SUMO give the same recording; a shorter one begins a longer one.
 
     Args:
-        site: the geometry, or its name or file. Of its lanes the main ones and the ramp are simulated; exits are not.
+        site: the geometry, or its name or file; of its lanes the main ones and the ramp are simulated.
         minutes: recorded time [min].
         seed: of every draw.
-        window: name of the window; the recording is called "<site>-<window>".
+        window: its name; the recording is called "<site>-<window>".
         flow_per_lane: vehicles that want to enter each main lane [vehicles/h]; what the sign holds back makes a queue.
         ramp_flow: vehicles that want to enter from the ramp [vehicles/h].
         shares: of motorcycles, cars and trucks; they sum to 1.
-        sign_speeds: lowest and highest speed that the variable speed sign downstream draws [m/s].
+        sign_speeds: lowest and highest that the sign downstream draws [m/s].
         warm_up: simulated time before the recording begins [s].
         position_noise: standard deviation of noise added to the positions [m], see `add_position_noise`.
+        drivers: name of a set of drivers, in `drivers.DRIVERS`.
         progress: called with the share done, 0 to 1.
 
     Raises:
         MissingExtra: SUMO is not installed.
-        SiteError: the site's target lane is not its rightmost main lane.
-        RecordingError: an argument has no meaning.
+        RampcastError: the site's target lane is not its rightmost main lane, or an argument has no meaning.
     """
-    demand = Demand(flow_per_lane, ramp_flow, shares, sign_speeds, warm_up, seed)
-    recording = _recorded(site_of(site), demand, minutes=minutes, window=window, progress=progress)
-    return add_position_noise(recording, standard_deviation=position_noise, seed=seed)
+    demand = Demand(flow_per_lane, ramp_flow, shares, sign_speeds, warm_up, seed, drivers_of(drivers))
+    whole = _recorded(site_of(site), demand, minutes=minutes, window=window, progress=progress)
+    return add_position_noise(whole, standard_deviation=position_noise, seed=seed)
 
 
 class Demand(NamedTuple):
@@ -81,6 +84,7 @@ class Demand(NamedTuple):
     sign_speeds: tuple[float, float]
     warm_up: float
     seed: int
+    drivers: Drivers = DEFAULT
 
 
 def _recorded(site: Site, demand: Demand, *, minutes: float, window: str, progress: Progress | None) -> Recording:
@@ -93,10 +97,12 @@ def _recorded(site: Site, demand: Demand, *, minutes: float, window: str, progre
         folder = Path(name)
         network = write_network(site, folder)
         vehicles = vehicles_of(site, demand, until=end)
-        write_vehicles(vehicles, main=roads(site), ramp=ramp_roads(site), path=folder / "vehicles.xml")
+        write_vehicles(
+            vehicles, main=roads(site), ramp=ramp_roads(site), path=folder / "vehicles.xml", drivers=demand.drivers
+        )
         sign = next(road for road in roads(site) if road.name == "slow")
         write_sign(folder / "sign.xml", road=sign, speeds=demand.sign_speeds, warm_up=begin, duration=end, seed=seed)
-        positions = _drive(folder, network, begin=begin - SETTLE, end=end, seed=seed, progress=progress)
+        positions = _drive(folder, network, demand, begin=begin - SETTLE, end=end, progress=progress)
     tracks = _tracks(positions, vehicles, site=site, seed=seed, begin=begin, frames=round(600 * minutes))
     named = tracks.with_columns(pl.lit(f"{site.name}-{window}").alias(c.RECORDING)).select(list(c.SCHEMA))
     return Recording(tracks=named.cast(pl.Schema(c.SCHEMA)), site=site, time_step=TIME_STEP, source="simulated")
@@ -105,27 +111,36 @@ def _recorded(site: Site, demand: Demand, *, minutes: float, window: str, progre
 def vehicles_of(site: Site, demand: Demand, *, until: float) -> pl.DataFrame:
     """Returns the vehicles of all lanes in the order in which they set out."""
     lanes = len(main_lanes(site))
-    draw = partial(draw_vehicles, duration=until, shares=demand.shares, seed=demand.seed)
+    draw = partial(draw_vehicles, duration=until, shares=demand.shares, seed=demand.seed, drivers=demand.drivers)
     main = draw(route="main", lanes=lanes, flow=demand.flow_per_lane * lanes)
     ramp = draw(route="ramp", lanes=1, flow=demand.ramp_flow)
     return pl.concat([main, ramp]).sort("depart", maintain_order=True)
 
 
 def _drive(
-    folder: Path, network: Path, *, begin: float, end: float, seed: int, progress: Progress | None
+    folder: Path, network: Path, demand: Demand, *, begin: float, end: float, progress: Progress | None
 ) -> pl.DataFrame:
     """Returns SUMO's record of every vehicle near the section: time [s], id, lane (SUMO's) and pos (along it) [m]."""
     watched = ["before", "merge", "after", "ramp"]
     (folder / "watched.txt").write_text("\n".join(f"edge:{name}" for name in watched), encoding="utf-8")
     record = folder / "record.csv"
     command = [program("sumo"), "-n", network, "-r", folder / "vehicles.xml", "-a", folder / "sign.xml"]
-    command += ["--seed", seed, "--step-length", TIME_STEP, "--end", end, "--step-log.period", round(10 / TIME_STEP)]
+    command += [
+        "--seed",
+        demand.seed,
+        "--step-length",
+        TIME_STEP,
+        "--end",
+        end,
+        "--step-log.period",
+        round(10 / TIME_STEP),
+    ]
     command += ["--fcd-output", record, "--fcd-output.filter-edges.input-file", folder / "watched.txt"]
     command += ["--fcd-output.attributes", "id,lane,pos", "--device.fcd.begin", begin, "--precision", 3]
     # Vehicles are never removed for standing long; those that find no room to enter for half a minute are dropped.
     command += ["--time-to-teleport", -1, "--collision.action", "warn", "--max-depart-delay", 30]
     command += ["--xml-validation", "never", "--no-warnings", "true"]
-    run_with_progress(command, end=end, progress=progress)
+    run_with_progress(with_queue_headway(command, demand.drivers), end=end, progress=progress)
     table = pl.read_csv(record, separator=";", schema_overrides={"vehicle_id": pl.Int32, "timestep_time": pl.Float64})
     table = table.rename({name: name.removeprefix("vehicle_").removeprefix("timestep_") for name in table.columns})
     return table.drop_nulls("id")
