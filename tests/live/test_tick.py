@@ -1,5 +1,6 @@
 """A tick gives what `rampcast forecast` gives of the same moment, and tells it as docs/live-messages.md says."""
 
+import itertools
 import json
 from collections.abc import Iterator
 
@@ -14,7 +15,11 @@ from rampcast.live.messages import Encoded
 from rampcast.live.replay import Frames
 from rampcast.live.station import Station
 from rampcast.live.tick import Tick
+from rampcast.live.work import Work, WorkerSite
+from rampcast.live.worker import _ticks
 from rampcast.recording import Recording
+from rampcast.sites import load_site
+from rampcast.sites.site import site_to_dict
 
 SECONDS = np.arange(5, 76, 5) - 1
 MILLIMETRE = 1e-3
@@ -103,19 +108,31 @@ def test_a_new_epoch_forgets_what_bands_were_learned(raw, pretrained):
 def test_what_is_left_out_comes_in_a_named_order_and_comes_back():
     degrading = Degrading()
     seen = []
-    for _ in range(200):
-        degrading.published(0.3)
+    for tick in range(200):
+        degrading.published(0.3, 0.1 * tick)
         seen.append(degrading.told)
     assert [*dict.fromkeys(seen)] == [
         None, "50 samples", "25 samples", "25 samples, 2 forecasts a second", "25 samples, 1 forecast a second",
     ]  # fmt: skip
-    for _ in range(30 * len(STEPS)):
-        degrading.published(0.1)  # what a site of 77 vehicles takes: no less would ever come
+    for tick in range(30 * len(STEPS)):
+        degrading.published(0.1, 20.0 + 0.1 * tick)  # what a site of 77 vehicles takes: no less would ever come
     assert degrading.told is None
 
 
 def test_ages_that_are_neither_late_nor_early_change_nothing():
     degrading = Degrading()
-    for _ in range(1_000):
-        degrading.published(0.12)
+    for tick in range(1_000):
+        degrading.published(0.12, 0.1 * tick)
     assert degrading.step == 0
+
+
+def test_all_sites_of_a_service_leave_out_alike_and_a_step_lasts_however_many_they_are():
+    site = site_to_dict(load_site("i80"))
+    first, second = _ticks(Work([WorkerSite(name, site, "pretrained", False) for name in ("one", "two")]))
+    assert first.degrading is second.degrading
+    assert first.forecaster is second.forecaster
+    steps = []
+    for tick in range(400):  # 200 forecasts a second, late ones and early ones by turns
+        first.degrading.published(0.3 if (tick // 50) % 2 else 0.01, tick / 200.0)
+        steps.append(first.degrading.step)
+    assert sum(one != other for one, other in itertools.pairwise(steps)) == 1

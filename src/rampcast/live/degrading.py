@@ -1,5 +1,6 @@
 """What is left out when there is more to forecast than time: first samples, then forecasts a second."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
@@ -13,6 +14,7 @@ LATE: Final = 0.15  # [s] of age at which a forecast is published too late
 EARLY: Final = 0.7  # share of that below which there is time for more
 LOOK: Final = 20  # forecasts over which ages are looked at
 PATIENCE: Final = 30  # forecasts in a row that have to be early before more is done again
+DOWN, UP = 2.0, 3.0  # [s] that a step lasts at least: both are those of one site at 10 Hz, for many sites forecast more
 
 
 @dataclass
@@ -20,7 +22,7 @@ class Degrading:
     """How much is left out now.
 
     Half of the last forecasts published over 150 ms after their frame came in: a step down. All of the last thirty
-    under 105 ms: a step up.
+    under 105 ms: a step up. None before the one before has lasted for some seconds.
 
     Attributes:
         step: place in `STEPS`.
@@ -31,6 +33,7 @@ class Degrading:
     is_on: bool = True
     _ages: deque[float] = field(default_factory=lambda: deque(maxlen=LOOK))
     _early: int = 0
+    _since: float = -math.inf
 
     @property
     def samples(self) -> int | None:
@@ -47,17 +50,19 @@ class Degrading:
         """Returns what messages say is left out; None if nothing is."""
         return TOLD[self.step]
 
-    def published(self, age: float) -> None:
-        """Notes how old a forecast was when it was published [s]."""
+    def published(self, age: float, now: float) -> None:
+        """Notes how old a forecast was when it was published [s], and when that was, on any clock [s]."""
         if not self.is_on:
             return
         self._ages.append(age)
         self._early = self._early + 1 if age < EARLY * LATE else 0
-        if len(self._ages) == LOOK and np.median(self._ages) > LATE and self.step + 1 < len(STEPS):
-            self._go(self.step + 1)
-        elif self._early >= PATIENCE and self.step:
-            self._go(self.step - 1)
+        lasted = now - self._since
+        late = len(self._ages) == LOOK and np.median(self._ages) > LATE
+        if late and lasted >= DOWN and self.step + 1 < len(STEPS):
+            self._go(self.step + 1, now)
+        elif self._early >= PATIENCE and lasted >= UP and self.step:
+            self._go(self.step - 1, now)
 
-    def _go(self, step: int) -> None:
-        self.step, self._early = step, 0
+    def _go(self, step: int, now: float) -> None:
+        self.step, self._early, self._since = step, 0, now
         self._ages.clear()

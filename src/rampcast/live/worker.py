@@ -91,7 +91,7 @@ def _forecast(place: int, tick: Tick, snapshot: Snapshot, note: dict[str, Any]) 
         message, kept = tick.forecast(snapshot, note)
     except Exception as error:  # one moment that cannot be forecast is no reason to stop
         return Answer("failed", place, note=note, text=f"{type(error).__name__}: {error}")
-    tick.degrading.published(time.time() - note["t_in_ms"] / 1e3)
+    tick.degrading.published(time.time() - note["t_in_ms"] / 1e3, time.monotonic())
     return Answer(
         "forecast", place, message.json, message.binary, note, kept["took"], kept["risks"], tick.degrading.told
     )
