@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from rampcast.live.guard import Guard
+from rampcast.live.guard import Buckets, Guard
 from rampcast.live.service import Service
 from rampcast.live.serving import Address, _listen, _server
 from rampcast.live.station import Station
@@ -38,7 +38,7 @@ class Inside:
 
     def forget_buckets(self) -> None:
         """Lets the service count anew how many frames a second come by POST."""
-        self.app.state.buckets.clear()
+        self.app.state.buckets = Buckets()
 
     def ask_quietly(self, path: str) -> int:
         """Returns the status of an answer, 0 where there is none."""

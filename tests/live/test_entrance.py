@@ -1,6 +1,7 @@
 """Who may come in, what is answered, and what a hostile client can do: nothing to others."""
 
 import contextlib
+import http.client
 import json
 import select
 import socket
@@ -15,7 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from rampcast.errors import RampcastError
-from rampcast.live import connections, guard, sockets, viewers, web
+from rampcast.live import connections, guard, sockets, viewers
 from rampcast.live.frames import FrameError, frame_of
 from rampcast.live.guard import Bucket, Guard
 from rampcast.live.serving import Address
@@ -151,12 +152,17 @@ def test_wrong_frames_are_answered_and_after_many_the_door_closes(open_door):
 
 
 def test_a_source_that_floods_is_sent_away(open_door, monkeypatch):
-    for module in (sockets, web):
-        monkeypatch.setattr(module, "Bucket", lambda: Bucket(rate=1.0, burst=5.0))
+    for module in (sockets, guard):
+        monkeypatch.setattr(module, "Bucket", lambda: Bucket(rate=0.1, burst=5.0))
     open_door.forget_buckets()
     assert closed_with(open_door.socket(door="ingest"), *[json.dumps(frame(2e6 + n)) for n in range(20)]) == 1013
     answers = {open_door.ask("/v1/sites/i80/tracks", frame(3e6 + n))[0] for n in range(20)}
     assert 429 in answers
+    neighbour = http.client.HTTPConnection("127.0.0.1", open_door.port, 10, source_address=("127.0.0.2", 0))
+    with contextlib.closing(neighbour):
+        neighbour.request("POST", "/v1/sites/i80/tracks", json.dumps(frame(3e6 + 50)))
+        assert neighbour.getresponse().status == 202
+    open_door.forget_buckets()
 
 
 @settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])  # on a busy machine

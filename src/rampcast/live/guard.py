@@ -14,7 +14,7 @@ LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 RATE: Final = 60.0  # frames a second of one source: twice the 30 Hz that a site may have
 BURST: Final = 120.0  # frames at once, as after a pause of a network
 GUESSES: Final = 10  # wrong tokens of one address within a minute, after which it has to wait
-REMEMBERED: Final = 1_000  # addresses whose guesses are counted
+REMEMBERED: Final = 1_000  # addresses whose guesses, or frames, are counted
 CONTENT_SECURITY: Final = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -103,3 +103,17 @@ class Bucket:
             return False
         self._left -= 1.0
         return True
+
+
+@dataclass
+class Buckets:
+    """A bucket for each address that sends frames by POST, of those who came last: who floods costs others none."""
+
+    _all: OrderedDict[tuple[str, str], Bucket] = field(default_factory=OrderedDict)
+
+    def takes(self, site: str, address: str) -> bool:
+        """Returns whether one more frame of that address may come to that site now."""
+        bucket = self._all[site, address] = self._all.pop((site, address), None) or Bucket()
+        while len(self._all) > REMEMBERED:
+            self._all.popitem(last=False)
+        return bucket.takes()

@@ -17,7 +17,7 @@ from rampcast.live.answers import Refusal, answer, body_of, error_answer, number
 from rampcast.live.entrance import Entrance
 from rampcast.live.frames import FrameError
 from rampcast.live.geo import site_geojson
-from rampcast.live.guard import Bucket, Guard
+from rampcast.live.guard import Buckets, Guard
 from rampcast.live.metrics import KIND, Metrics
 from rampcast.live.openapi import openapi
 from rampcast.live.replay import Control, Replay
@@ -47,7 +47,7 @@ def application(service: Service, *, guard: Guard | None = None, page: Path = PA
             await service.stop()
 
     app = Starlette(routes=[*_routes(), *_page(page)], lifespan=lifespan, exception_handlers={Refusal: error_answer})
-    app.state.service, app.state.guard, app.state.buckets = service, guard, {}
+    app.state.service, app.state.guard, app.state.buckets = service, guard, Buckets()
     app.state.metrics = Metrics(service)
     app.add_middleware(Entrance, guard=guard)
     return app
@@ -185,8 +185,8 @@ async def alarms(request: Request) -> Response:
 async def tracks(request: Request) -> Response:
     """Takes a frame in."""
     station = station_of(request)
-    bucket = request.app.state.buckets.setdefault(station.name, Bucket())
-    if not bucket.takes():
+    buckets: Buckets = request.app.state.buckets
+    if not buckets.takes(station.name, request.client.host if request.client else ""):
         return answer({"error": "too many frames a second"}, status=429, headers={"retry-after": "1"})
     try:
         taken = service_of(request).receive(await body_of(request), station=station)
