@@ -113,7 +113,8 @@ class Buckets:
 
     def takes(self, site: str, address: str) -> bool:
         """Returns whether one more frame of that address may come to that site now."""
-        bucket = self._all[site, address] = self._all.pop((site, address), None) or Bucket()
+        bucket = self._all.setdefault((site, address), Bucket())
+        self._all.move_to_end((site, address))
         while len(self._all) > REMEMBERED:
             self._all.popitem(last=False)
         return bucket.takes()
