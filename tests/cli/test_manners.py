@@ -1,5 +1,6 @@
 """How the command line behaves: version, help, quiet, pages offline, narrow and plain terminals."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,11 +11,12 @@ from polars.testing import assert_frame_equal
 from typer.testing import CliRunner
 
 import rampcast
-from rampcast.cli import app, main, show, told
+from rampcast.cli import again, app, keep_what_was_called, main, show, told
 from rampcast.cli.pages import PLACES
 from rampcast.errors import RampcastError
 from rampcast.formats import convert_all, read_any
 from rampcast.recording import write_recordings
+from tests.evaluate.test_positions import forecasts_of
 from tests.made_up_traffic import random_traffic
 from tests.start.strangers import write
 
@@ -139,3 +141,26 @@ def test_a_recording_goes_to_csv_and_back(tmp_path):
     assert_frame_equal(again.tracks.select(names), recording.tracks.select(names), check_dtypes=False, abs_tol=1e-6)
     with pytest.raises(RampcastError, match="parquet or csv"):
         convert_all([tmp_path / "x.csv"], tmp_path / "x.txt")
+
+
+def test_a_kept_run_that_somebody_changed_is_not_replaced_and_spoils_nothing(tmp_path, capsys):
+    again.keep(["forecast", "x", "--out", str(tmp_path)])
+    (tmp_path / "rampcast.toml").write_text("mine")
+    keep_what_was_called(["forecast", "x", "--out", str(tmp_path)])
+    assert "is not written" in capsys.readouterr().err
+    assert (tmp_path / "rampcast.toml").read_text() == "mine"
+    keep_what_was_called(["inspect", "x"])
+    keep_what_was_called(["demo", "-h"])
+    assert not capsys.readouterr().err
+
+
+def test_scores_are_json_for_programs_and_words_go_elsewhere(tmp_path, capsys, monkeypatch):
+    recording = random_traffic(3, vehicles=6, seconds=24.0, name="i80-1")
+    forecasts_of(recording, off=0.0).write_parquet(tmp_path / "forecast.parquet")
+    monkeypatch.setattr(show.output, "stderr", False)
+    show.results_to_stderr()
+    show.say("a word")
+    show.print_scores_of(tmp_path, recording, as_json=True)
+    told_out, told_err = capsys.readouterr()
+    assert [one["horizon"] for one in json.loads(told_out)["errors"]] == [2.0, 5.0]
+    assert told_err == "a word\n"

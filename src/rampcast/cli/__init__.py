@@ -59,8 +59,16 @@ def main() -> None:
         if end.code == STOPPED and "download" not in arguments:  # which says what it keeps itself
             terminal.complain(stopped(arguments))
         elif not end.code:
-            again.keep(arguments)
+            keep_what_was_called(arguments)
         raise
+
+
+def keep_what_was_called(arguments: Sequence[str]) -> None:
+    """Leaves rampcast.toml beside what a command wrote; that it cannot be written is a warning: all else is done."""
+    try:
+        again.keep(arguments)
+    except (RampcastError, OSError) as error:
+        terminal.warn(f"{again.KEPT} is not written: {told(error)}")
 
 
 def stopped(arguments: Sequence[str]) -> str:

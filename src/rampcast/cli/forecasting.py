@@ -23,6 +23,7 @@ from rampcast.cli.options import (
     Start,
     Stride,
     WhichReport,
+    check_files,
     with_stdin,
 )
 from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, reads_files, smoothed, user_command
@@ -206,6 +207,7 @@ def forecast_files(
     """
     if not files:
         raise RampcastError("no recording was given: name one or more files, as `rampcast forecast window2.parquet`")
+    check_files(files)  # the last is not to be missed after an hour with the others
     read: dict[str, Path] = {}
     for file in files:
         recording = read_raw([file], reading)

@@ -53,6 +53,17 @@ def with_stdin(paths: list[Path] | None) -> list[Path] | None:
     return None if paths is None else [_stdin_file() if path == Path("-") else path for path in paths]
 
 
+def check_files(paths: list[Path]) -> None:
+    """Checks that files to read are there, before work is done with the first.
+
+    Raises:
+        RampcastError: one is not.
+    """
+    for path in paths:
+        if not path.exists():
+            raise RampcastError(f"{path}: there is no such file")
+
+
 def _stdin_file() -> Path:
     folder = Path(tempfile.mkdtemp(prefix="rampcast-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
