@@ -33,7 +33,7 @@ from rampcast.paper.laws.mode import Mode
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from rampcast.forecast.forecaster import Forecaster
+    from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
     from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
     from rampcast.paper.framework import PaperSpec
     from rampcast.recording import Recording
@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 
 @app.command(
     epilog="Examples:\n\nrampcast train window1.parquet window3.parquet --out model\n\n"
-    "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected"
+    "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected\n\n"
+    "rampcast train here.parquet there.parquet elsewhere.parquet --site-per-file --out any-site"
 )
 @reads_files()
 def train(
@@ -57,6 +58,10 @@ def train(
     stride: Stride = 1,
     seed: Seed = 1,
     start: Start = "pretrained",
+    site_per_file: Annotated[
+        bool,
+        typer.Option("--site-per-file", help="The files are of several sites: train for any; score each left out."),
+    ] = False,
     mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
 ) -> None:
     """Trains the forecaster on a site, in stages that are kept: after an interruption the same command goes on.
@@ -70,6 +75,9 @@ def train(
 
     refuse_without_effect(context, paper=paper, mode=mode)
     check_replaceable(out)
+    if site_per_file:
+        train_over_sites(recordings, out, reading, ForecasterSpec(seed=seed), started(start), paper)
+        return
     with terminal.progress() as tell:
         recording = read_smoothed(recordings, reading)
         model: RecordingForecaster
@@ -80,6 +88,36 @@ def train(
             model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
         save(model, out)
     terminal.print_trained(out, recording.names, getattr(model, "score", None))
+
+
+def train_over_sites(
+    files: list[Path],
+    out: Path,
+    reading: Reading,
+    spec: "ForecasterSpec",
+    start: "Forecaster | None",
+    paper: Mode | None,
+) -> None:
+    """Trains a forecaster of any site, and writes how well each site is forecast by the others.
+
+    Raises:
+        RampcastError: the paper's framework is asked for, which is of one site.
+    """
+    from rampcast.files import write_whole
+    from rampcast.forecast.over_sites import fit_sites, scores_table
+    from rampcast.forecast.storage import save
+    from rampcast.models.folder import STAGES
+
+    if paper is not None:
+        raise RampcastError("--site-per-file: the paper's framework is trained at one site; leave --paper out")
+    with terminal.progress() as tell:
+        sites = [read_smoothed([file], reading) for file in files]
+        model, scores = fit_sites(sites, spec=spec, start=start, kept=out / STAGES, progress=tell)
+        save(model, out)
+    with write_whole(out / "sites.csv") as new:
+        scores_table(scores).write_csv(new, float_precision=4)
+    terminal.say(f"wrote the model to {out}, trained on {', '.join(model.trained_on)}; it forecasts any site")
+    terminal.print_site_scores(scores)
 
 
 def started(start: str) -> "Forecaster | None":

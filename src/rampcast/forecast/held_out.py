@@ -72,24 +72,24 @@ def held_out(
         return None
 
     def score() -> HeldOut:
-        some = training.select(_spread(training, np.flatnonzero(test)))
+        some = training.select(spread(training, np.flatnonzero(test)))
         truth = some.truth[:, KNOTS]
-        trained = _errors(learn(training.select(np.flatnonzero(train))), some, truth)
+        trained = errors_of(learn(training.select(np.flatnonzero(train))), some, truth)
         speed = np.maximum(some.scenes.own.v[:, 0, -1], 0.0)
         steady = np.nanmean(np.abs(speed[:, None] * STEP * (KNOTS + 1) - truth), axis=0)
-        return HeldOut(len(some), *trained, *_errors(start, some, truth), steady)
+        return HeldOut(len(some), *trained, *errors_of(start, some, truth), steady)
 
     return stages.kept("held_out", score)
 
 
-def _spread(training: Training, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "chosen"]:
+def spread(training: Training, rows: Int[np.ndarray, "row"]) -> Int[np.ndarray, "chosen"]:
     """Returns those of the rows that are in some moments, evenly spread."""
     moment = training.situation.moment[training.vehicle[rows]]
     moments = np.unique(moment)
     return rows[np.isin(moment, moments[:: -(-len(moments) // MOST_MOMENTS)])]
 
 
-def _errors(
+def errors_of(
     model: Calibrated, training: Training, truth: Float[np.ndarray, "row knot"]
 ) -> tuple[Float[np.ndarray, "knot"], Float[np.ndarray, "knot"]]:
     """Returns mean errors of the medians, and shares of truths in the 90 % bands; a moment is forecast as a whole."""

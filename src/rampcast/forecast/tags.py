@@ -7,6 +7,7 @@ from rampcast.forecast.calibrated import Calibrated, CalibratedSpec, RolledRows
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
 from rampcast.forecast.held_out import HeldOut
 from rampcast.forecast.learning import Base
+from rampcast.forecast.over_sites import SiteScore
 from rampcast.forecast.roll_out import Manners, RollOut
 from rampcast.models.correction import Correction, CorrectionSpec, KnotCorrection
 from rampcast.models.disturbance import Disturbance
@@ -43,4 +44,8 @@ TAGS: Tags = {
     "boosted_trees": BoostedTrees,
     "trees": Trees,
 }
-STAGES: Tags = {**TAGS, "rolled": RolledRows}  # what a training keeps on the way, beside parts of the model
+STAGES: Tags = {
+    **TAGS,
+    "rolled": RolledRows,
+    "site_score": SiteScore,
+}  # what a training keeps on the way, beside parts of the model
