@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from rampcast.simulate.corridor import SENSOR_PERIOD, Corridor
 from rampcast.simulate.drivers import DRIVERS, Drivers
@@ -199,11 +200,52 @@ def check(folder: Path, name: str, step: float) -> None:
         keep(folder, f"{name} {step} {seed}", make, drivers=name, seed=seed, step=step)
 
 
+SHOWN = ("drop", "before", "discharge", "breakdown", "place_50", "merge_lane_speed", "hard_share", "collisions")
+
+
+def show(folder: Path) -> None:
+    """Prints the main effects of the levers, and what sets of drivers show with intervals."""
+    rows = list(done(folder).values())
+    screened = [row for row in rows if "levels" in row]
+    if screened:
+        print(f"mean of all at the lever's high level less that at its low one; {len(screened)} runs")
+        high = np.array([[sign == "+" for sign in row["levels"]] for row in screened])
+        print("| lever | " + " | ".join(SHOWN) + " |\n|" + "---|" * (len(SHOWN) + 1))
+        values = {name: np.array([row[name] or np.nan for row in screened], dtype=float) for name in SHOWN}
+        values["collisions"] = np.nan_to_num(values["collisions"])
+        values["hard_share"] = np.nan_to_num(values["hard_share"])
+        for lever, some in zip(LEVERS, high.T, strict=True):
+            off = [np.nanmean(one[some]) - np.nanmean(one[~some]) for one in values.values()]
+            print(f"| {lever} | " + " | ".join(f"{one:+.3g}" for one in off) + " |")
+    for name in dict.fromkeys(row["drivers"] for row in rows if "drivers" in row):
+        summarised(name, [row for row in rows if row.get("drivers") == name])
+
+
+def summarised(name: str, rows: list[dict[str, Any]]) -> None:
+    """Prints means with 95 % intervals (Student's t), and how likely it has broken down by a flow."""
+    print(f"\n{name}: {len(rows)} runs, {sum(row['breakdown'] is not None for row in rows)} of them broke down")
+    for measure in ("drop", "before", "discharge", "place_25", "place_50", "place_75", "within_3_m",
+                    "merge_lane_speed", "hard_share", "teleports", "collisions", "emergency_stops"):  # fmt: skip
+        values = np.array([row[measure] for row in rows if row[measure] is not None], dtype=float)
+        off = float(student.ppf(0.975, len(values) - 1)) * values.std(ddof=1) / np.sqrt(len(values))
+        print(f"| {measure} | {values.mean():.4g} | {values.mean() - off:.4g} to {values.mean() + off:.4g} |")
+    print("breakdown within the five minutes after a flow, by Brilon's product limit:")
+    flows = [(flow, k == len(row["flows"]) - 1 and row["breakdown"] is not None) for row in rows
+             for k, flow in enumerate(row["flows"])]  # fmt: skip
+    survives = 1.0
+    for low in range(3000, 4400, 200):
+        some = [broke for flow, broke in flows if low <= flow < low + 200]
+        survives *= 1.0 - (sum(some) / len(some) if some else 0.0)
+        print(f"| {low} to {low + 200} veh/h | {len(some)} | {sum(some)} | {1.0 - survives:.2f} |")
+
+
 if __name__ == "__main__":
     match sys.argv[1:]:
         case ["screen", folder]:
             screen(Path(folder))
         case ["test", folder, name, *step]:
             check(Path(folder), name, float(step[0]) if step else 0.5)
+        case ["show", folder]:
+            show(Path(folder))
         case _:
             sys.exit(__doc__)
