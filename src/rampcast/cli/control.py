@@ -10,11 +10,11 @@ from rampcast.cli.options import AnyModel, OutFile, OutFolder
 
 
 @app.command(
-    epilog="Examples:\n\nrampcast experiment tiny --out out/tiny   (a plan that ships: tiny, ci or full)\n\n"
+    epilog="Examples:\n\nrampcast experiment tiny --out out/tiny   (a plan that ships)\n\n"
     "rampcast experiment plan.toml --out out/plan   (call it again after an interruption)"
 )
 def experiment(
-    plan: Annotated[str, typer.Argument(help="A plan.toml, or the name of a plan that ships: tiny, ci, full.")],
+    plan: Annotated[str, typer.Argument(help="A plan.toml, or one that ships: tiny, ci, full, advice, corridor.")],
     out: OutFolder,
     processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
 ) -> None:
