@@ -1,6 +1,7 @@
 """Serves: puts sites, sources and the web application together, and runs them."""
 
 import asyncio
+import contextlib
 import ipaddress
 import socket
 from collections.abc import Callable, Sequence
@@ -121,7 +122,8 @@ def serve(
     log("listening", address=where, sites=[*service.stations])
     if announce is not None:
         announce(where)
-    asyncio.run(_server(app, address, listening).serve(sockets=[listening]))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is how one ends it; the server has heard it and ended itself
+        asyncio.run(_server(app, address, listening).serve(sockets=[listening]))
 
 
 def _server(app: Any, address: Address, listening: Any) -> Any:
