@@ -2,6 +2,8 @@
 # make test   installs and runs all tests
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
 # make view   installs and plays a simulated recording with its forecasts in the browser
+# make versions   installs on each Python 3.11 to 3.13 that is there, and in the lowest versions, and runs the quick tests
+# make fuzz       fuzzes the readers of csv, json and xml, led by the code they reach, for SECONDS each (1200)
 # make soak   installs and runs the live service under load for an hour (SECONDS=300: five minutes)
 # make container does in a fresh virtual environment what deploy/Dockerfile does, and tells how much [live] adds
 # make attack installs and lets hostile clients loose on the live service, while others use it
@@ -15,7 +17,7 @@ IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test quick check bench bench-smoke soak attack container docs sample pretrained clean
+.PHONY: demo view test quick check versions fuzz bench bench-smoke soak attack container docs sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -47,6 +49,14 @@ attack: $(VENV)/.installed-dev
 
 container:
 	$(PYTHON) deploy/try_out.py
+
+versions:
+	@for python in $(or $(PYTHONS),python3.11 python3.12 python3.13); do .ci/version $$python newest || exit 1; done
+	.ci/version python3.11 lowest
+
+fuzz: $(VENV)/.installed-fuzz
+	$(BIN)/pip install --quiet --disable-pip-version-check pytest hypothesis
+	@for suffix in csv json xml; do $(BIN)/python -m tests.fuzz.readers $$suffix -max_total_time=$(or $(SECONDS),1200) || exit 1; done
 
 bench-smoke: $(VENV)/.installed-dev
 	$(BIN)/pytest tests/test_benchmarks.py

@@ -9,6 +9,7 @@ from rampcast.errors import RampcastError
 from rampcast.formats import FORMATS, BadRows, convert_all, read_all, read_any
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.breach import Doubtful
 from rampcast.recording.reading import ReadReport
 from rampcast.sites import Site
 from tests.formats.damage import damaged
@@ -26,7 +27,7 @@ def reads(format: str) -> Callable[..., tuple[tuple[Recording, ...], ReadReport]
 def converts(format: str) -> Callable[..., tuple[list[Path], ReadReport]]:
     """Returns a function that converts files of a format, whatever they hold."""
     return lambda paths, out, site=None, bad_rows=BadRows.RAISE: convert_all(
-        paths, out, site=site, format=format, bad_rows=bad_rows
+        paths, out, site=site, format=format, bad_rows=bad_rows, doubtful=Doubtful.ACCEPT
     )
 
 

@@ -1,6 +1,7 @@
 """The paper's protocol from files in NGSIM's own forms to the report: what a user with the originals does."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -129,6 +130,21 @@ def test_another_geometry_makes_every_part_again(from_text, monkeypatch):
     monkeypatch.setattr("rampcast.paper.reproduce.read_any", lambda *_a, **_k: read.append(1) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
         reproduce(find_files(data).files, out, protocol=PROTOCOL, site=replace(SITE, ramp_end=SITE.ramp_end - 5))
+    assert read
+
+
+def test_a_file_of_the_same_name_size_and_time_but_other_content_is_read_again(from_text, monkeypatch, tmp_path):
+    data, out = from_text
+    path = find_files(shutil.copytree(data, tmp_path / "data")).files[0]
+    before, content = path.stat(), path.read_bytes()
+    last = max(content.rfind(digit) for digit in (b"1", b"2", b"3"))
+    path.write_bytes(content[:last] + b"4" + content[last + 1 :])
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_size == before.st_size
+    read = []
+    monkeypatch.setattr("rampcast.paper.reproduce.read_any", lambda *_a, **_k: read.append(1) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        reproduce(find_files(tmp_path / "data").files, out, protocol=PROTOCOL, site=SITE)
     assert read
 
 

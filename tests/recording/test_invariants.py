@@ -123,3 +123,29 @@ def test_two_rows_of_a_vehicle_are_a_recording():
     ).cast(pl.Schema(c.SCHEMA))  # fmt: skip
     assert breaches_of(Recording(tracks, site, 0.1, "made")) == ()
     assert breaches_of(Recording(tracks.head(0), site, 0.1, "made")) == ()
+
+
+def with_recorded_speeds(recording: Recording, factor: pl.Expr | float = 1.0) -> Recording:
+    speed = (pl.col(c.X).diff() / (pl.col(c.FRAME).diff() * recording.time_step)).over(c.VEHICLE) * factor
+    return changed(recording, **{c.RECORDED_V: speed.fill_null(0.0).cast(pl.Float32)})
+
+
+def test_vehicles_in_another_unit_than_others_are_named_by_their_recorded_speeds(sound):
+    some = pl.col(c.VEHICLE) % 4 == 0
+    feet = with_recorded_speeds(sound, pl.when(some).then(1 / 0.3048).otherwise(1.0))
+    found = {one.name: one for one in breaches_of(feet)}["two_units"]
+    assert found.vehicle % 4 == 0
+    assert found.value == pytest.approx(1 / 0.3048, rel=0.02)
+    assert found.spoils
+    assert "two units in one column" in found.cause
+    assert "two_units" not in {one.name for one in breaches_of(with_recorded_speeds(sound))}
+
+
+def test_a_lane_of_the_opposite_way_is_named_though_its_vehicles_are_few(sound):
+    few = sound.tracks.filter(pl.col(c.VEHICLE).is_in(sound.tracks[c.VEHICLE].unique().sort().head(3).implode()))
+    here = few.with_columns(pl.col(c.VEHICLE) + 100_000, (400.0 - x).alias(c.X), pl.lit(9, pl.Int16).alias(c.LANE))
+    both = pl.concat([sound.tracks, here.select(sound.tracks.columns)]).sort(c.RECORDING, c.VEHICLE, c.FRAME)
+    assert both[c.VEHICLE].n_unique() > 30  # 3 of them are less than a tenth
+    found = {one.name: one for one in breaches_of(replace(sound, tracks=both, raw=None))}["upstream"]
+    assert (found.count, found.of, found.spoils) == (3, 3, True)
+    assert "of lane 9" in found.what

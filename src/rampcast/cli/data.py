@@ -32,7 +32,6 @@ from rampcast.cli.reading import (
     taken_for,
     user_command,
     warn_if_off_road,
-    warn_of_breaches,
 )
 from rampcast.errors import SiteError
 
@@ -83,15 +82,14 @@ def convert(
 ) -> None:
     """Reads recordings of one place and writes a parquet file of each road (several: x-ROAD.parquet for x.parquet)."""
     from rampcast.formats import convert_all
-    from rampcast.recording import read_recording
 
     with terminal.progress(f"convert to {out}"):
         written, report = convert_all(files, out, **reading.arguments, doubtful=doubtful_of(reading.accept_doubtful))
     terminal.print_reading(report)
     warn_if_off_road(report, reading.site)
     terminal.print_written(written)
-    if reading.accept_doubtful:
-        warn_of_breaches([read_recording(path) for path in written])
+    for breach in report.breaches:
+        terminal.warn(str(breach))
 
 
 @app.command(epilog="Example:\n\nrampcast formats --json")

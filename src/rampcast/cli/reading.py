@@ -111,7 +111,7 @@ def read_raw(files: list[Path], reading: Reading) -> "Recording":
     recording, report = read_any(files, **reading.arguments)
     warn_if_off_road(report, reading.site)
     terminal.print_reading(report)
-    warn_of_breaches([recording] if reading.accept_doubtful else [])
+    warn_of_breaches([recording])
     return replace(recording, is_accepted=reading.accept_doubtful)
 
 

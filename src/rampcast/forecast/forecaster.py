@@ -23,6 +23,7 @@ from rampcast.forecast.stages import stages_of
 from rampcast.horizon import FUTURE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.frame_door import frame_door, refused_frame
 from rampcast.recording.hashes import recording_hash, window_hashes
 from rampcast.recording.invariants import check_believable
 from rampcast.sites import Site
@@ -104,6 +105,7 @@ class Forecaster:
         """
         with choosing_threads(threads):
             if isinstance(what, Traffic):
+                _check_states(what)
                 return self._of_traffics([what])[0]
             rows = find_anchors(what, every=every)
             check_believable(what, doing="the forecast")
@@ -133,6 +135,17 @@ class Forecaster:
         self.check(recording.site)
         check_believable(recording, doing="the forecast")
         return moment_parts(self._of_traffics, recording, every=every)
+
+
+def _check_states(traffic: Traffic) -> None:
+    """Raises RecordingError where vehicles of a moment are as none can be, unless somebody accepted them."""
+    if traffic.is_accepted:
+        return
+    some = traffic.valid[:, -1]
+    x = np.where(np.isfinite(traffic.v[some, -1]) & np.isfinite(traffic.a[some, -1]), traffic.x[some, -1], np.nan)
+    states = {"length": traffic.length[some], "v": traffic.v[some, -1]}
+    found = frame_door(traffic.site, traffic.vehicle[some].tolist(), x, traffic.y[some, -1], **states)
+    refused_frame(found, doing=f"the forecast at t0 = {traffic.t0:g} s")
 
 
 def forecast_traffic(

@@ -8,12 +8,14 @@ from pathlib import Path
 from rampcast.formats.files.head import Head, plain
 from rampcast.formats.tables.columns import Column, missing_column
 from rampcast.recording import Recording
+from rampcast.recording.breach import Breach
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.sites import Site
 
 Recordings = tuple[Recording, ...]
 Reader = Callable[[Sequence[Head], Site | None, BadRows], tuple[Recordings, ReadReport]]
-Converter = Callable[[Sequence[Head], Path, Site | None, BadRows], tuple[tuple[Path, ...], ReadReport]]
+Door = Callable[[Sequence[Breach]], None]
+Converter = Callable[[Sequence[Head], Path, Site | None, BadRows, Door], tuple[tuple[Path, ...], ReadReport]]
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,9 @@ class Format:
             missing, is not as the format says or of another place, or where nothing can be read.
         needs: what tells that a file is of this format.
         convert: writes the recordings in files that may be larger than memory, part by part; None where `read` and
-            `write_recording` do. Takes the file to write behind the files to read; returns the files written.
+            `write_recording` do. Takes the file to write behind the files to read, and at the end a function that it
+            calls with what no road or vehicle has (`breaches_of`), before anything is written: it may refuse that.
+            Tracks are cut (`cut_tracks`), by `read` too. Returns the files written.
         url: of the page that describes it; "" where that is one of rampcast's documentation.
     """
 

@@ -3,21 +3,22 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rampcast.arguments import chosen, expected
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, Source, heads_of, look
-from rampcast.formats.format import Format, Recordings
+from rampcast.formats.format import Door, Format, Recordings
 from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
 from rampcast.formats.registry import all_formats, format_named
 from rampcast.recording import Recording, write_recordings
 from rampcast.recording import columns as c
-from rampcast.recording.breach import Doubtful
+from rampcast.recording.breach import Doubtful, refuse
 from rampcast.recording.cutting import cut_tracks
-from rampcast.recording.invariants import check_believable
+from rampcast.recording.invariants import breaches_of
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.recording.recording import TABLE
 from rampcast.roads.ramp import road_named
@@ -108,7 +109,7 @@ def _read(
     if mapping is None:
         entry = format_of(heads, format)
         found = entry.read(heads, site, bad_rows)
-        return found if entry.convert is not None else _cut(*found)  # part by part nobody sees a track as a whole
+        return found if entry.convert is not None else _cut(*found)  # those cut as they do part by part
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
     return _cut(*read_mapped(heads, load_mapping(mapping), site, bad_rows))
@@ -174,15 +175,22 @@ def convert_all(
         )
     heads = heads_of(source)
     _check_is_other(out, heads)
+    door = _door_of(chosen(Doubtful, doubtful, name="doubtful"), heads)
     entry = format_of(heads, format) if mapping is None else None
     if entry is not None and entry.convert is not None and out.suffix != TABLE:
-        written, report = entry.convert(heads, out, site, bad_rows)
+        written, report = entry.convert(heads, out, site, bad_rows, door)
         return list(written), report
     recordings, report = _read(heads, site, entry.name if entry else format, mapping, bad_rows)
-    accepted = chosen(Doubtful, doubtful, name="doubtful") is Doubtful.ACCEPT
-    for recording in recordings:
-        check_believable(replace(recording, is_accepted=accepted), doing=f"conversion of {', '.join(report.files)}")
-    return write_recordings(recordings, out), report
+    breaches = tuple(breach for recording in recordings for breach in breaches_of(recording))
+    door(breaches)
+    return write_recordings(recordings, out), replace(report, breaches=breaches)
+
+
+def _door_of(doubtful: Doubtful, heads: Sequence[Head]) -> Door:
+    """Returns what refuses a conversion that is not as roads and vehicles are, or lets all pass."""
+    if doubtful is Doubtful.ACCEPT:
+        return lambda breaches: None
+    return partial(refuse, doing=f"conversion of {', '.join(str(head.path) for head in heads)}")
 
 
 def _check_is_other(out: Path, heads: Sequence[Head]) -> None:

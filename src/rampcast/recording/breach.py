@@ -1,7 +1,8 @@
 """A breach of what roads and vehicles can have: where, how much, and what it likely comes of."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from rampcast.errors import RecordingError
@@ -30,7 +31,7 @@ class Breach:
         expected: which values are, in words and with the unit.
         count, of: how many there are, of how many.
         cause: what it likely comes of.
-        spoils: whether a forecast would be spoilt.
+        most: the share of `count` in `of` above which a forecast is spoilt.
     """
 
     name: str
@@ -43,7 +44,12 @@ class Breach:
     count: int
     of: int
     cause: str
-    spoils: bool
+    most: float
+
+    @property
+    def spoils(self) -> bool:
+        """Returns whether a forecast would be spoilt."""
+        return self.count > self.most * max(self.of, 1)
 
     def __str__(self) -> str:
         place = [f"{self.window}"] if self.window else []
@@ -75,3 +81,22 @@ def refuse(breaches: Sequence[Breach], *, doing: str) -> None:
         f"{doing} is refused, since the recording is not as roads and vehicles are: {named}{more}. `rampcast doctor` "
         'shows where; to go on all the same give --accept-doubtful (rc.read: doubtful="accept")'
     )
+
+
+def over_parts(parts: Sequence[tuple[int, Sequence[Breach]]]) -> tuple[Breach, ...]:
+    """Returns the breaches of a recording of which only parts are in memory: the worst of each name, counts added.
+
+    Args:
+        parts: rows and breaches of each; a part without a breach has as many rows, or vehicles, of which it counts.
+    """
+    rows = sum(count for count, _ in parts)
+    named: dict[str, list[tuple[int, Breach]]] = {}
+    for count, found in parts:
+        for breach in found:
+            named.setdefault(breach.name, []).append((count, breach))
+    whole = []
+    for those in named.values():
+        worst = max((one for _, one in those), key=lambda one: math.inf if math.isnan(one.value) else abs(one.value))
+        of = sum(one.of for _, one in those) * rows / max(sum(count for count, _ in those), 1)
+        whole.append(replace(worst, count=sum(one.count for _, one in those), of=round(of)))
+    return tuple(whole)

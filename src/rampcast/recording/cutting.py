@@ -35,11 +35,19 @@ def cut_tracks(recording: Recording) -> tuple[Recording, int]:
     pieces = np.cumsum(cut)  # counts cuts from the first row on
     first = np.repeat(pieces[starts], np.diff(np.r_[starts, tracks.height]))
     is_new = pieces > first
-    largest = tracks[c.VEHICLE].max()
-    assert isinstance(largest, int)
-    ids = np.where(is_new, largest + pieces, tracks[c.VEHICLE].to_numpy())
+    vehicle = tracks[c.VEHICLE].to_numpy()
+    ids = np.where(is_new, _free_ids(vehicle, int(cut.sum()))[np.maximum(pieces - 1, 0)], vehicle)
     renamed = tracks.with_columns(pl.Series(c.VEHICLE, ids, dtype=c.SCHEMA[c.VEHICLE])).sort(KEY)
     return replace(recording, tracks=renamed), int(cut.sum())
+
+
+def _free_ids(vehicle: Int[np.ndarray, "row"], count: int) -> Int[np.ndarray, "piece"]:
+    """Returns ids that no vehicle has: those above the largest, or the lowest that are free where that is the limit."""
+    largest = int(vehicle.max())
+    if largest + count <= c.LARGEST:
+        return np.arange(largest + 1, largest + count + 1)
+    known = np.unique(vehicle)
+    return np.setdiff1d(np.arange(1, len(known) + count + 1), known)[:count]
 
 
 def _impossible(tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_step: float) -> Bool[np.ndarray, "row"]:

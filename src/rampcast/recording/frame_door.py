@@ -4,16 +4,18 @@ The same limits as those of a recording (`invariants`), for one moment and the o
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rampcast.recording.breach import Breach
+from rampcast.recording.breach import Breach, refuse
 from rampcast.recording.cutting import FASTEST
-from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, SAME_PLACE, SLIP
+from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, MANY, SAME_PLACE, SLIP
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites import Site
+
+IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds")  # the others may be noise
 
 Values = Float[np.ndarray, "vehicle"]
 
@@ -41,6 +43,19 @@ class _Case:
     what: str
     usual: str
     cause: str
+
+
+def refused_frame(found: FrameFound, *, doing: str) -> None:
+    """Raises an error where vehicles of a frame would spoil its forecast; a few that are doubtful only pass.
+
+    Args:
+        found: what the door finds in the frame.
+        doing: what is refused.
+
+    Raises:
+        RecordingError: a vehicle is where none can be or as fast as none is, or many are doubtful.
+    """
+    refuse([one if one.name in IMPOSSIBLE else replace(one, most=MANY) for one in found.breaches], doing=doing)
 
 
 def frame_door(
@@ -78,7 +93,7 @@ def frame_door(
         rows = np.flatnonzero(case.wrong)
         if len(rows):
             worst = int(rows[np.abs(np.nan_to_num(case.values[rows], nan=np.inf)).argmax()])
-            counted = (float(case.values[worst]), case.usual, len(rows), len(x), case.cause, True)
+            counted = (float(case.values[worst]), case.usual, len(rows), len(x), case.cause, 0.0)
             found.append(Breach(case.name, case.what, "", vehicles[worst], frame, *counted))
     return FrameFound(tuple(found), believable)
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 import polars as pl
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rampcast.arguments import expected
 from rampcast.horizon import SAME_STEP, STEP
@@ -33,7 +33,9 @@ SAME_PLACE = 0.5  # [m] two vehicles cannot be in one lane and so near to each o
 SPEED_OFF = 2.0  # [m/s] of a smoothed speed against its positions: 10 m after 5 s
 SLIP = 5.0  # [m] and all that grip allows, from where a vehicle was going; `cutting` cuts there
 FEW = 20  # rows below which shares tell nothing
-RARE, SOME, MANY = 0.001, 0.01, 0.1  # shares of rows, or of vehicles
+FEWEST = 3  # vehicles of a lane that tell its direction
+SAME_UNIT = 0.05  # by which a ratio of speeds may be off a unit's factor
+RARE, SOME, MANY, HALF = 0.001, 0.01, 0.1, 0.5  # shares of rows, or of vehicles
 UNITS = {
     "km/h": 3.6,
     "miles per hour": 1 / 0.44704,
@@ -83,7 +85,6 @@ class _Rows:
         size = np.abs(np.nan_to_num(values[rows], nan=np.inf))
         worst = int(rows[size.argmax()])
         window, vehicle, frame = self.tracks.select(*KEY).row(worst)
-        spoils = len(rows) > most * max(of, 1)
         return Breach(
             name,
             words["what"],
@@ -95,7 +96,7 @@ class _Rows:
             len(rows),
             of,
             words["cause"],
-            spoils,
+            most,
         )
 
 
@@ -161,7 +162,7 @@ def _time_step(rows: _Rows) -> Breach | None:
         what, usual = "the time step is too short", f"{SHORTEST_STEP} s or more"
     else:
         return None
-    return Breach("time_step", what, "", None, None, step, usual, 1, 1, "a wrong unit of the times", True)
+    return Breach("time_step", what, "", None, None, step, usual, 1, 1, "a wrong unit of the times", 0.0)
 
 
 def _holes(rows: _Rows) -> Breach | None:
@@ -175,7 +176,7 @@ def _holes(rows: _Rows) -> Breach | None:
     return Breach(
         "long_holes", "nobody is seen for hours [s]", str(window), None, frame, seconds,
         f"{LONGEST_HOLE:,.0f} s at most", worst.height, frames.height,
-        "two recordings in one window, or a wrong unit of the times", True,
+        "two recordings in one window, or a wrong unit of the times", 0.0,
     )  # fmt: skip
 
 
@@ -273,13 +274,31 @@ def _recorded_speeds(rows: _Rows) -> Breach | None:
     ratio = recorded[moving] / derived[moving]
     median = float(np.median(ratio))
     if RATIO[0] <= median <= RATIO[1]:
-        return None
-    unit = next((name for name, factor in UNITS.items() if abs(median / factor - 1) < 0.05), "")
+        return _two_units(rows, moving, np.where(moving, recorded / np.where(moving, derived, 1.0), np.nan))
+    unit = next((name for name, factor in UNITS.items() if abs(median / factor - 1) < SAME_UNIT), "")
     cause = f"recorded speeds in {unit}" if unit else "a wrong unit of positions or times, or the wrong direction"
     return Breach(
         "recorded_speeds", "recorded speeds are not those of the positions (ratio)", "", None, None, median,
-        f"{RATIO[0]} to {RATIO[1]}", int(moving.sum()), int(moving.sum()), cause, not unit,
+        f"{RATIO[0]} to {RATIO[1]}", int(moving.sum()), int(moving.sum()), cause, 1.0 if unit else HALF,
     )  # fmt: skip
+
+
+def _two_units(rows: _Rows, moving: Bool[np.ndarray, "row"], ratio: Row) -> Breach | None:
+    """Returns the vehicles whose speeds are as if their positions, or speeds, were in another unit than others'."""
+    starts = np.flatnonzero(~rows.same)
+    track = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(ratio)]))
+    moved = pl.DataFrame({"track": track, "ratio": ratio}).filter(pl.Series(moving))
+    middle = moved.group_by("track").agg(pl.col("ratio").median(), pl.len()).filter(pl.col("len") >= FEW)
+    values = np.full(len(starts), np.nan)
+    values[middle["track"].to_numpy()] = middle["ratio"].to_numpy()
+    found = np.zeros(len(starts), bool)
+    for factor in UNITS.values():
+        found |= (np.abs(values / factor - 1) < SAME_UNIT) | (np.abs(values * factor - 1) < SAME_UNIT)
+    is_found, shown = np.zeros((2, len(ratio)))
+    is_found[starts], shown[starts] = found, np.nan_to_num(values)
+    words = {"what": "vehicles in another unit than others (ratio of speeds)", "expected": f"{RATIO[0]} to {RATIO[1]}"}
+    cause = "two units in one column, or files in two units read as one"
+    return rows.breach("two_units", is_found.astype(bool), shown, middle.height, MANY, **words, cause=cause)
 
 
 def _directions(rows: _Rows) -> Breach | None:
@@ -291,7 +310,24 @@ def _directions(rows: _Rows) -> Breach | None:
     found[starts] = came < BACKWARDS
     words = {"what": "vehicles that drive upstream [m]", "expected": "x to grow downstream"}
     cause = "the opposite carriageway, a reference line turned round, or the wrong site"
-    return rows.breach("upstream", found.astype(bool), values, len(starts), MANY, **words, cause=cause)
+    whole = rows.breach("upstream", found.astype(bool), values, len(starts), MANY, **words, cause=cause)
+    return whole if whole is None or whole.spoils else _lane_upstream(rows, starts, found.astype(bool), values) or whole
+
+
+def _lane_upstream(
+    rows: _Rows, starts: Int[np.ndarray, "track"], found: Bool[np.ndarray, "row"], values: Row
+) -> Breach | None:
+    """Returns the vehicles of a lane that most of its vehicles drive upstream, where they are few of all."""
+    lane = rows.tracks[c.LANE].to_numpy()
+    for number in np.unique(lane[starts]):
+        here = np.zeros(len(lane), bool)
+        here[starts] = lane[starts] == number
+        count, wrong = int(here.sum()), int((found & here).sum())
+        if count >= FEWEST and wrong > count / 2:
+            words = {"what": f"vehicles of lane {number} that drive upstream [m]", "expected": "x to grow downstream"}
+            cause = "a lane of the opposite carriageway among the site's"
+            return rows.breach("upstream", found & here, values, count, HALF, **words, cause=cause)
+    return None
 
 
 def _lengths(rows: _Rows) -> Breach | None:
@@ -315,7 +351,7 @@ def _lengths(rows: _Rows) -> Breach | None:
         return single
     return Breach(
         "car_lengths", "the median length of cars [m]", "", None, None, median,
-        f"{CAR_LENGTHS[0]:g} to {CAR_LENGTHS[1]:g} m", cars.len(), cars.len(), "lengths in feet", True,
+        f"{CAR_LENGTHS[0]:g} to {CAR_LENGTHS[1]:g} m", cars.len(), cars.len(), "lengths in feet", HALF,
     )  # fmt: skip
 
 
@@ -329,7 +365,7 @@ def _lanes(rows: _Rows) -> Breach | None:
     return Breach(
         "lane_spacing", "the distance from lane to lane [m]", "", None, None, float(np.median(wrong)),
         f"{LANE_SPACING[0]:g} to {LANE_SPACING[1]:g} m", len(wrong), len(steps),
-        "a site or lateral positions in feet or centimetres", True,
+        "a site or lateral positions in feet or centimetres", HALF,
     )  # fmt: skip
 
 

@@ -6,6 +6,8 @@ from enum import Enum
 from itertools import chain
 from typing import Any
 
+from rampcast.recording.breach import Breach
+
 MOST_LISTED = 100  # bad rows listed one by one in a report; all are counted
 
 
@@ -59,6 +61,7 @@ class ReadReport:
         rows_interpolated: those rows; all rows read and these are counted above, or are rows of the recording.
         tracks_cut: times that a vehicle lies where it cannot have driven: from then on it is a vehicle of its own.
         rows: rows of the recording.
+        breaches: what no road or vehicle has, found before a conversion was written.
     """
 
     files: tuple[str, ...]
@@ -81,6 +84,7 @@ class ReadReport:
     rows_interpolated: int = 0
     tracks_cut: int = 0
     rows: int = 0
+    breaches: tuple[Breach, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the report as plain values, for json."""

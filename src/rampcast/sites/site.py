@@ -6,7 +6,7 @@ A site is a TOML file. The shipped ones lie in ``site_data``; a user's own is gi
 import math
 import re
 import tomllib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -93,6 +93,18 @@ class Site:
     notes: tuple[Note, ...] = ()
     reference: tuple[Point, ...] = ()  # points of the line y = 0 in the source's plane [m], downstream
     mirrored: bool = False  # whether the source's plane grows to the right where it should grow to the left
+
+    def __eq__(self, other: object) -> bool:
+        """Returns whether all values are the same; what is not known (NaN) is the same as what is not known."""
+        return self._known() == other._known() if isinstance(other, Site) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._known())
+
+    def _known(self) -> tuple[object, ...]:
+        zone = tuple(None if math.isnan(one) else one for one in self.merge_zone)
+        values = {"gore": None if math.isnan(self.gore) else self.gore, "merge_zone": zone}
+        return tuple(values.get(one.name, getattr(self, one.name)) for one in fields(self))
 
     @property
     def ramp_lanes(self) -> tuple[int, ...]:

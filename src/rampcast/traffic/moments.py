@@ -5,7 +5,7 @@ A recording and a stream give the same `Traffic` for the same rows, bit for bit:
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -64,6 +64,7 @@ class Traffic:
         lane: its lane at t0; `NO_LANE` where it is in none that the site has, or that is not known.
         length, width: [m]; NaN where not known.
         kind: index into `columns.KINDS`.
+        is_accepted: whether somebody accepted what the recording is like that it was taken from.
     """
 
     site: Site
@@ -81,6 +82,7 @@ class Traffic:
     length: Float[np.ndarray, "vehicle"]
     width: Float[np.ndarray, "vehicle"]
     kind: Int[np.ndarray, "vehicle"]
+    is_accepted: bool = False
 
     def __len__(self) -> int:
         return len(self.vehicle)
@@ -98,7 +100,7 @@ def traffic(recording: Recording, *, at: float, window: str | None = None) -> Tr
         RecordingError: the recording was smoothed (that looks ahead), or no window is named where there are several.
     """
     rows = _by_time(_window(recording, window))
-    return _at(recording.site, rows, at)
+    return replace(_at(recording.site, rows, at), is_accepted=recording.is_accepted)
 
 
 def moments(recording: Recording, *, every: float = 1.0, window: str | None = None) -> Iterator[Traffic]:
@@ -129,7 +131,7 @@ def traffic_at_times(recording: Recording, window: str | None, times: Float[np.n
     """Yields the traffic of a window of a raw recording at each of those times [s]; see `traffic`."""
     rows = _by_time(_window(recording, window))
     for time in times.tolist():
-        yield _at(recording.site, rows, time)
+        yield replace(_at(recording.site, rows, time), is_accepted=recording.is_accepted)
 
 
 def traffic_of_rows(site: Site, t0: float, rows: Rows) -> Traffic:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,7 @@ def test_converting_gives_what_reading_gives(form, tmp_path):
     (west,), report = read_i24_mvt([path])
     (written,), same = convert_i24_mvt([path], tmp_path / "out.parquet")
     assert read_recording(written).tracks.equals(west.tracks)
-    assert same == report
+    assert replace(same, breaches=()) == report
 
 
 def test_json_and_tables_are_not_mixed(tmp_path):

@@ -56,6 +56,12 @@ def test_feet_axes_and_speeds_are_converted(tmp_path):
     assert recording.tracks[c.LENGTH].to_list() == [pytest.approx(4.8)] * 2
 
 
+def test_a_name_of_thousands_of_letters_does_not_fill_the_message(tmp_path):
+    with pytest.raises(FormatError, match="no column 'x'") as raised:
+        read(tmp_path, ONE, DATA.replace("x", "y" + "a" * 70_000, 1))
+    assert len(str(raised.value)) < 1_000
+
+
 def test_plus_is_added_in_the_columns_unit_after_turning(tmp_path):
     mapping = columns_of('x = { column = "left", unit = "ft", flip = true, plus = 700 }', "lane = 1")
     recording, _ = read(tmp_path, mapping, "id,frame,left\n1,0,600\n1,1,590\n")

@@ -3,20 +3,23 @@
 Both ways make the same rows; the second never holds more than a few hundred thousand of them.
 """
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.files import naming_faults, work_folder, write_whole
+from rampcast.formats.format import Door
 from rampcast.formats.readers.i24.stream import Batch, kept_ids
 from rampcast.formats.readers.i24.tracks import EAST, ROADS, WEST
 from rampcast.formats.steps.units import FOOT, MILE
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.breach import Breach, over_parts
+from rampcast.recording.cutting import cut_tracks
+from rampcast.recording.invariants import breaches_of
 from rampcast.recording.reading import ReadReport, join_reports
 from rampcast.recording.recording import LEVEL, file_metadata, road_files
 from rampcast.roads.plane import ROAD, Plane
@@ -75,18 +78,27 @@ def read_tracks(
         FormatError: as whatever gives the batches, or no row lies on the road.
     """
     roads = _roads(sites, site)
-    parts: dict[str, list[pl.DataFrame]] = {road: [] for road in roads}
-    report, ids, step = _each(batches, source, roads, keep=lambda road, rows: parts[road].append(rows))
+    parts: dict[str, dict[str, pl.DataFrame]] = {road: {} for road in roads}
+
+    def keep(road: str, place: str, recording: Recording) -> None:
+        parts[road][place] = recording.tracks
+
+    found = _each(batches, source, roads, keep=keep)
     recordings = [
-        Recording(pl.concat(parts[road]).with_columns(ids), one, step, source)
-        for road, one in roads.items()
-        if parts[road]
+        Recording(
+            pl.concat([those[place] for place in sorted(those)]).with_columns(found.ids[road]),
+            roads[road],
+            found.step,
+            source,
+        )
+        for road, those in parts.items()
+        if those
     ]
-    return tuple(recordings), report
+    return tuple(recordings), found.report
 
 
 def convert_tracks(
-    batches: Iterable[Batch], out: Path, source: str, sites: dict[str, Site], site: Site | None
+    batches: Iterable[Batch], out: Path, source: str, sites: dict[str, Site], site: Site | None, door: Door
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes the recordings of vehicles as parquet files, one a road, and returns these and what reading found.
 
@@ -94,38 +106,85 @@ def convert_tracks(
 
     Args:
         out: the file to write; of several roads one each, named as `write_recordings` does.
+        door: is given what is wrong with the recordings, and may refuse it.
     """
-    roads, numbers = _roads(sites, site), itertools.count()
+    roads = _roads(sites, site)
+    checked: dict[str, list[tuple[int, tuple[Breach, ...]]]] = {road: [] for road in roads}
     with naming_faults(out), work_folder(out.parent) as parts:
 
-        def keep(road: str, rows: pl.DataFrame) -> None:
+        def keep(road: str, place: str, recording: Recording) -> None:
             (parts / road).mkdir(exist_ok=True)
-            rows.write_parquet(parts / road / f"{next(numbers):08}.parquet", compression="lz4")
+            recording.tracks.write_parquet(parts / road / f"{place}.parquet", compression="lz4")
+            checked[road].append((recording.tracks.height, breaches_of(recording)))
 
-        report, ids, step = _each(batches, source, roads, keep=keep)
+        found = _each(batches, source, roads, keep=keep)
         there = [road for road in roads if (parts / road).is_dir()]
+        breaches = tuple(breach for road in there for breach in over_parts(checked[road]))
+        door(breaches)
         written = tuple(road_files([roads[road] for road in there], out))
         for road, path in zip(there, written, strict=True):
-            metadata = file_metadata(roads[road], time_step=step, source=source)
-            _join(parts / road, path, ids, metadata)
-    return written, report
+            metadata = file_metadata(roads[road], time_step=found.step, source=source)
+            _join(parts / road, path, found.ids[road], metadata)
+    return written, replace(found.report, breaches=breaches)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What all batches together tell: what reading found, the vehicles' ids on each road, the time step [s]."""
+
+    report: ReadReport
+    ids: dict[str, pl.Expr]
+    step: float
+
+
+@dataclass
+class _Road:
+    """What is counted of a road while its batches come: the largest number of a vehicle, cuts, and its days."""
+
+    largest: int = 0
+    cuts: int = 0
+    days: list[str] = field(default_factory=list)
 
 
 def _each(
-    batches: Iterable[Batch], source: str, roads: dict[str, Site], *, keep: Callable[[str, pl.DataFrame], None]
-) -> tuple[ReadReport, pl.Expr, float]:
-    """Returns what reading found, the vehicles' ids and the time step [s]; rows on a road are given to `keep`."""
+    batches: Iterable[Batch], source: str, roads: dict[str, Site], *, keep: Callable[[str, str, Recording], None]
+) -> _Found:
+    """Returns what all batches tell; the rows on each road are given to `keep`, with where they come in it by name.
+
+    Tracks are cut where no vehicle can have driven on. What follows a cut comes behind the vehicles of its day, and is
+    numbered -1, -2 and so on until all vehicles are known.
+    """
     reports: list[ReadReport] = []
     names: list[str] = []
+    counts = {road: _Road() for road in roads}
     step = 0.0
-    for batch in batches:
-        tracks, report = _on_roads(batch, source, roads)
+    for number, batch in enumerate(batches):
+        recordings, report = _on_roads(batch, source, roads)
         reports.append(report)
         names.extend(batch.names)
         step = batch.time_step
-        for road, rows in tracks.items():
-            keep(road, rows)
-    return _joined(reports, names, roads), _ids(names), step
+        for road, recording in recordings.items():
+            for is_new, part in enumerate(_whole_and_new(recording, counts[road])):
+                if not part.tracks.is_empty():
+                    day = counts[road].days.index(part.tracks[c.RECORDING][0])
+                    keep(road, f"{day:04}-{is_new}-{number:08}", part)
+    cuts = sum(one.cuts for one in counts.values())
+    kept = kept_ids(names, room=cuts)
+    report = replace(_joined(reports, len(names) if kept is None else 0, roads), tracks_cut=cuts)
+    return _Found(report, {road: _ids(kept, one.largest) for road, one in counts.items()}, step)
+
+
+def _whole_and_new(recording: Recording, counted: _Road) -> tuple[Recording, Recording]:
+    """Returns the rows of the vehicles up to where their tracks are cut, and what follows, numbered below 0."""
+    vehicle, tracks = pl.col(c.VEHICLE), recording.tracks
+    if (day := tracks[c.RECORDING][0]) not in counted.days:
+        counted.days.append(day)
+    largest = int(tracks[c.VEHICLE].to_numpy().max())
+    cut, cuts = cut_tracks(recording)
+    new = cut.tracks.filter(vehicle > largest).with_columns((largest - vehicle - counted.cuts).alias(c.VEHICLE))
+    counted.largest = max(counted.largest, largest)
+    counted.cuts += cuts
+    return replace(cut, tracks=cut.tracks.filter(vehicle <= largest)), replace(cut, tracks=new)
 
 
 def _join(parts: Path, path: Path, ids: pl.Expr, metadata: dict[str, str]) -> None:
@@ -141,9 +200,9 @@ def _roads(sites: dict[str, Site], site: Site | None) -> dict[str, Site]:
     return {ALL: site} if site is not None else sites
 
 
-def _on_roads(batch: Batch, source: str, roads: dict[str, Site]) -> tuple[dict[str, pl.DataFrame], ReadReport]:
+def _on_roads(batch: Batch, source: str, roads: dict[str, Site]) -> tuple[dict[str, Recording], ReadReport]:
     """Returns the rows of a batch on each road, where there are any, and what was found with what that left out."""
-    tracks, counts = {}, [batch.report]
+    recordings, counts = {}, [batch.report]
     for road, site in roads.items():
         rows = batch.rows if road == ALL else batch.rows.filter(pl.col(ROAD) == road)
         if rows.is_empty():
@@ -152,12 +211,12 @@ def _on_roads(batch: Batch, source: str, roads: dict[str, Site]) -> tuple[dict[s
         recording, found = on_road(plane, site, beside=BESIDE)
         counts.append(replace(found, rows=recording.tracks.height))
         if not recording.tracks.is_empty():
-            tracks[road] = recording.tracks
+            recordings[road] = recording
     report = join_reports(counts)
-    return tracks, replace(report, rows_off_road=batch.rows.height - report.rows)
+    return recordings, replace(report, rows_off_road=batch.rows.height - report.rows)
 
 
-def _joined(reports: Sequence[ReadReport], names: Sequence[str], roads: dict[str, Site]) -> ReadReport:
+def _joined(reports: Sequence[ReadReport], renumbered: int, roads: dict[str, Site]) -> ReadReport:
     report = join_reports(reports)
     if not report.rows:
         raise FormatError(
@@ -165,11 +224,18 @@ def _joined(reports: Sequence[ReadReport], names: Sequence[str], roads: dict[str
             f"{', '.join(site.name for site in roads.values())}. Was the site made from this source? Leave it out to "
             "have both carriageways"
         )
-    return replace(report, vehicles_renumbered=0 if kept_ids(names) else len(names))
+    return replace(report, vehicles_renumbered=renumbered)
 
 
-def _ids(names: Sequence[str]) -> pl.Expr:
-    """Returns the expression of the vehicles' ids, from their numbers in order of appearance."""
-    ids = kept_ids(names)
-    vehicle = pl.col(c.VEHICLE)
-    return vehicle.replace_strict(range(1, len(ids) + 1), ids, return_dtype=c.SCHEMA[c.VEHICLE]) if ids else vehicle
+def _ids(kept: Sequence[int] | None, largest: int) -> pl.Expr:
+    """Returns the expression of a road's vehicles' ids, from their numbers in order of appearance.
+
+    Args:
+        kept: the ids in the source, in that order; None numbers from 1.
+        largest: number of a vehicle; what follows cuts, numbered below 0, has ids above its id.
+    """
+    vehicle, kind = pl.col(c.VEHICLE), c.SCHEMA[c.VEHICLE]
+    if kept is None or not largest:
+        return pl.when(vehicle > 0).then(vehicle).otherwise(largest - vehicle).cast(kind).alias(c.VEHICLE)
+    named = vehicle.replace_strict(range(1, len(kept) + 1), kept, default=0, return_dtype=kind)
+    return pl.when(vehicle > 0).then(named).otherwise(kept[largest - 1] - vehicle).cast(kind).alias(c.VEHICLE)

@@ -12,7 +12,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, Recordings, table_of
+from rampcast.formats.format import Door, Format, Recordings, table_of
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import Batch, read_batches
 from rampcast.formats.readers.i24.table import clock_of_rows, sampled_rows, starts_of
@@ -73,14 +73,15 @@ def read_i24_mvt(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) ->
 
 
 def convert_i24_mvt(
-    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows
+    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows, door: Door
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24_mvt` returns as recordings' files; with little memory where the files are json.
 
     Args:
         out: the file to write; where both carriageways are in the files there are two, OUT-west and OUT-east.
+        door: is given what is wrong with the recordings, and may refuse it.
     """
-    return convert_tracks(_batches(heads, bad_rows), Path(out), KEYS.source, i24_sites(origin=ORIGIN), site)
+    return convert_tracks(_batches(heads, bad_rows), Path(out), KEYS.source, i24_sites(origin=ORIGIN), site, door)
 
 
 def _is_json(text: bytes) -> bool:

@@ -78,13 +78,16 @@ def read_batches(paths: Sequence[Path], keys: Keys, bad_rows: BadRows) -> Iterat
         yield from _batches_of(path, keys, firsts[day_of(clock)], known, bad_rows)
 
 
-def kept_ids(names: Sequence[str]) -> list[int] | None:
-    """Returns the ids of vehicles if their names are whole numbers that grow; None if they are not and get new ones."""
+def kept_ids(names: Sequence[str], *, room: int = 0) -> list[int] | None:
+    """Returns the ids of vehicles if their names are whole numbers that grow; None if they are not and get new ones.
+
+    `room` is how many more ids there must be above them.
+    """
     if not all(name.isascii() and name.isdecimal() and len(name) <= len(str(c.LARGEST)) for name in names):
         return None
     ids = [int(name) for name in names]
     grows = all(before < after for before, after in pairwise(ids))
-    return ids if grows and ids and ids[-1] <= c.LARGEST else None
+    return ids if grows and ids and ids[-1] + room <= c.LARGEST else None
 
 
 def _clock(path: Path, keys: Keys) -> Clock:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rampcast.formats.files.head import Head
-from rampcast.formats.format import Format, Needs, Recordings
+from rampcast.formats.format import Door, Format, Needs, Recordings
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import read_batches
 from rampcast.formats.readers.i24.tracks import Keys
@@ -37,15 +37,16 @@ def read_i24(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tup
 
 
 def convert_i24(
-    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows
+    heads: Sequence[Head], out: Path, site: Site | None, bad_rows: BadRows, door: Door
 ) -> tuple[tuple[Path, ...], ReadReport]:
     """Writes what `read_i24` returns as recordings' files, with little memory; returns these and what reading found.
 
     Args:
         out: the file to write; with both carriageways there are two, OUT-west and OUT-east.
+        door: is given what is wrong with the recordings, and may refuse it.
     """
     batches = read_batches([head.path for head in heads], KEYS, bad_rows)
-    return convert_tracks(batches, Path(out), KEYS.source, i24_sites(), site)
+    return convert_tracks(batches, Path(out), KEYS.source, i24_sites(), site, door)
 
 
 I24 = Format(

@@ -97,7 +97,7 @@ def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> tu
     missing = [column for column in WANTED if column not in names]
     if missing:
         close = {column: close_column(column, names, needed=KNOWN) for column in missing}
-        hint = "".join(f" Is '{match}' meant to be {column}?" for column, match in close.items() if match)
+        hint = "".join(f" Is '{match[:30]}' meant to be {column}?" for column, match in close.items() if match)
         if missing == ["frame_id"]:
             hint = f" {FRAMES}"
         shown = ", ".join(token[:30] for token in tokens[:30])

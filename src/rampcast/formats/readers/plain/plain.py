@@ -161,9 +161,9 @@ def _check_columns(head: Head, mapping: TableMapping) -> None:
                 f"{head.name}: no column '{column}', which another of the files has. Give all of them the same "
                 "columns, or convert each by itself"
             )
-        names = ", ".join(head.names[:MOST_NAMES])
+        names = ", ".join(name[:SHOWN] for name in head.names[:MOST_NAMES])
         close = close_column(column, head.names, needed=mapping.columns)
-        hint = f"; is '{close}' meant?" if close else f"; its columns are {names}. Mend either"
+        hint = f"; is '{close[:SHOWN]}' meant?" if close else f"; its columns are {names}. Mend either"
         raise FormatError(f"{head.name}: no column '{column[:SHOWN]}', which {mapping.path} names for {name}{hint}")
 
 
