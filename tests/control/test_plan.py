@@ -21,6 +21,14 @@ values = { target = 12.0 }
 """
 
 
+TWO_RAMPS = """target = 12.0 }
+[[controllers]]
+rule = "k_adaptive"
+values = { target = 25.0 }
+[corridor]
+ramps = 2"""
+
+
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_plan_that_ships_can_be_read(name):
     plan = read_plan(name)
@@ -38,6 +46,11 @@ def test_a_plan_that_ships_can_be_read(name):
         (('rule = "none"', 'rule = "none"\nknows = "model"'), "none: expected knows = nothing, got model"),
         (("seeds = [1, 2]", 'seeds = [1, 2]\nbaseline = "other"'), "baseline: expected one of none, alinea"),
         (("seeds = [1, 2]", 'seeds = [1, 2]\ndrivers = "angry"'), "drivers: expected one of default"),
+        (("seeds = [1, 2]", "seeds = [1, 2]\nstep = 0.3"), "step: expected a whole part of a second"),
+        (("seeds = [1, 2]", "seeds = [1, 2]\nminutes = 0.2"), "minutes: expected .* at least 1, got 0.2"),
+        (('rule = "none"', 'rule = "none"\nperiod = 25.0'), "none: expected a period of whole 10 s, .* got 25"),
+        (('rule = "none"', 'rule = "none"\npenetration = 20'), "penetration: expected .* of at most 1, got 20"),
+        (("target = 12.0 }", TWO_RAMPS), "k_adaptive: looks at the first ramp only, and the corridor has 2"),
         (("seeds = [1, 2]", "seeds = []"), "seeds: expected a list of length of at least 1"),
         (("seeds = [1, 2]", "seeds = [1, 2]\nminuts = 3"), "is 'minutes' meant"),
         (('rule = "none"', 'rule = "alinea"\nvalues = { target = 9.0 }'), "two are called 'alinea'"),

@@ -3,12 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
+
+import msgspec
 
 from rampcast.control import metering
 from rampcast.control.metering import RampState
 from rampcast.errors import RampcastError
-from rampcast.file_values import not_one_of
+from rampcast.file_values import LARGEST, Positive, not_one_of
+from rampcast.simulate.corridor import SENSOR_PERIOD
 
 Knows = Literal["nothing", "model", "constant", "shuffled", "truth"]
 RULES: Final[Mapping[str, Callable[..., float]]] = {
@@ -19,6 +22,15 @@ RULES: Final[Mapping[str, Callable[..., float]]] = {
     "pred_alinea": metering.pred_alinea,
 }
 NAMES: Final = ("none", *RULES, "hero", "gap_release", "speed_advice", "gap_advice")
+ONE_RAMP: Final = (
+    "k_adaptive",
+    "pred_alinea",
+    "gap_release",
+    "speed_advice",
+    "gap_advice",
+)  # they look at the first
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=LARGEST)]
 LOOKS_AHEAD: Final = ("pred_alinea", "gap_release", "speed_advice", "gap_advice")
 
 
@@ -31,7 +43,7 @@ class Controller:
         label: by which a report names it; "" for the rule and what it knows.
         values: of the rule, as `target`; see `metering`.
         knows: where it has the future from; the others know nothing.
-        period: from one rate to the next [s].
+        period: from one rate to the next [s]; whole periods of the sensors.
         chance: of "gap_release": least chance of a safe gap; of "gap_advice": least share of futures.
         patience: of "gap_release": longest time a green waits for a gap [s].
         below: of "speed_advice": see there [m/s].
@@ -43,12 +55,12 @@ class Controller:
     label: str = ""
     values: dict[str, float] = field(default_factory=dict)
     knows: Knows = "nothing"
-    period: float = 30.0
-    chance: float = 0.5
-    patience: float = 8.0
-    below: float = 20.0
-    penetration: float = 1.0
-    delay: float = 1.0
+    period: Positive = 30.0
+    chance: Share = 0.5
+    patience: NotNegative = 8.0
+    below: Positive = 20.0
+    penetration: Share = 1.0
+    delay: NotNegative = 1.0
     override: bool = True
 
     @property
@@ -81,6 +93,9 @@ def checked(controller: Controller) -> Controller:
     """
     if controller.rule not in NAMES:
         raise RampcastError(not_one_of(NAMES, controller.rule, place="rule"))
+    if controller.period % SENSOR_PERIOD:
+        told = f"{controller.rule}: expected a period of whole {SENSOR_PERIOD:g} s, those of the sensors"
+        raise RampcastError(f"{told}, got {controller.period:g}")
     if (controller.knows == "nothing") is (controller.rule in LOOKS_AHEAD):
         wants = "one of model, constant, shuffled, truth" if controller.rule in LOOKS_AHEAD else "nothing"
         raise RampcastError(f"{controller.rule}: expected knows = {wants}, got {controller.knows}")

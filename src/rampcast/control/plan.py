@@ -11,7 +11,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from rampcast.control.controller import Controller, checked
+from rampcast.control.controller import ONE_RAMP, Controller, checked
 from rampcast.errors import RampcastError
 from rampcast.file_values import Name, Positive, converted, not_one_of
 from rampcast.simulate.corridor import Corridor
@@ -54,7 +54,7 @@ class Plan:
         tune_seeds: of the runs with which `tune` is chosen; none of `seeds`.
         tune: values of a rule that are tried on `tune_seeds`, by name of the rule: the best are taken.
         minutes: length of a run.
-        step: of the simulation [s].
+        step: of the simulation [s], a whole part of a second.
         drivers: name of a set of drivers.
         corridor: the geometry.
         model: folder of a forecaster, or "pretrained".
@@ -68,8 +68,8 @@ class Plan:
     seeds: Annotated[tuple[Seed, ...], msgspec.Meta(min_length=1)]
     tune_seeds: tuple[Seed, ...] = ()
     tune: dict[str, tuple[dict[str, float], ...]] = field(default_factory=dict)
-    minutes: Positive = 30.0
-    step: Positive = 0.5
+    minutes: Annotated[float, msgspec.Meta(ge=1.0, le=1440.0)] = 30.0
+    step: Annotated[float, msgspec.Meta(ge=0.1, le=1.0)] = 0.5
     drivers: str = "default"
     corridor: Corridor = field(default_factory=Corridor)
     model: str = "pretrained"
@@ -162,6 +162,10 @@ def _checked(plan: Plan) -> Plan:
     controllers = [checked(with_values(one, first)) for one in plan.controllers]
     names = [one.name for one in controllers]
     drivers_of(plan.drivers)
+    if abs(1.0 / plan.step - round(1.0 / plan.step)) > 1e-9:
+        raise RampcastError(f"step: expected a whole part of a second, as 0.5 or 0.2, got {plan.step:g}")
+    if plan.corridor.ramps > 1 and (some := [one.name for one in controllers if one.rule in ONE_RAMP]):
+        raise RampcastError(f"{some[0]}: looks at the first ramp only, and the corridor has {plan.corridor.ramps}")
     if twice := [name for k, name in enumerate(names) if name in names[:k]]:
         raise RampcastError(f"controllers: two are called '{twice[0]}'; give one a label")
     if plan.baseline not in names:

@@ -38,7 +38,9 @@ class Truth:
         """Returns what comes if the lights stay as they are, as the one future of a forecast."""
         state = Path(self._folder.name) / "state.xml"
         self._plant.sumo.simulation.saveState(str(state))
-        self._line.send((str(state), past.time))
+        lights = self._plant.sumo.trafficlight
+        shown = {name: lights.getRedYellowGreenState(name) for name in lights.getIDList()}
+        self._line.send((str(state), past.time, shown))
         if not self._line.poll(PATIENCE):
             raise TimeoutError("the simulation that runs ahead does not answer")
         return _interpolated(past, self._line.recv())
@@ -55,6 +57,8 @@ def run_ahead(scenario: Scenario, line: Connection) -> None:
     with driving(scenario) as plant:
         while (asked := line.recv()) is not None:
             plant.sumo.simulation.loadState(asked[0])
+            for name, shown in asked[2].items():
+                plant.sumo.trafficlight.setRedYellowGreenState(name, shown)
             frames = []
             for _ in range(int(np.ceil(AHEAD / scenario.step - 1e-9))):
                 plant.sumo.simulationStep()
