@@ -42,7 +42,7 @@ def test_a_merge_is_found_with_who_is_ahead_and_behind():
 
 def test_a_follower_who_closes_in_has_a_conflict_and_one_far_behind_has_none():
     near = safety_measures(rows((310.0, 10.0, 3, 2), (280.0, 20.0, 2, 2)), SITE)  # gap 5 m at the merge, 10 m/s closing
-    assert (near["merges"], near["ttc"], near["drac"], near["pet"]) == (1.0, 1.0, 1.0, 1.0)
+    assert (near["merges"], near["ttc"], near["drac"], near["pet"], near["conflicts"]) == (1.0, 1.0, 1.0, 1.0, 1.0)
     far = safety_measures(rows((310.0, 10.0, 3, 2), (210.0, 10.0, 2, 2)), SITE)
     assert (far["ttc"], far["drac"], far["pet"], far["conflicts"]) == (0.0, 0.0, 0.0, 0.0)
 
@@ -53,6 +53,7 @@ def test_the_encroachment_is_timed_at_the_place_of_the_merge():
     assert close["pet"] == 0.0
     closer = safety_measures(rows((310.0, 10.0, 3, 2), (287.0, 10.0, 2, 2)), SITE)  # 1.8 s
     assert closer["pet"] == 1.0
+    assert closer["conflicts"] == 0.0  # nobody closes in
 
 
 def test_a_hard_braking_is_counted_once_however_long_it_lasts():

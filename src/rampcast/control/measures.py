@@ -88,7 +88,7 @@ def safety_measures(rows: Mapping[str, np.ndarray], site: Site) -> dict[str, flo
     who = rows[c.VEHICLE][merged["row"]]
     close, hard = _conflicts_after(rows, who, rows["time"][merged["row"]])
     soon = _encroachments(rows, merged) < LEAST_POST_ENCROACHMENT
-    shares = {"ttc": close, "drac": hard, "pet": soon, "conflicts": close | hard | soon}
+    shares = {"ttc": close, "drac": hard, "pet": soon, "conflicts": close | hard}
     return found | {name: float(values.mean()) for name, values in shares.items()}
 
 

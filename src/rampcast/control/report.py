@@ -25,7 +25,8 @@ MEASURES: Final = {
     "ramp_delay": ("delay, ramp", "s"), "longest_ramp_wait": ("longest wait", "s"),
     "spillback": ("queue on the street", "s"), "outflow": ("outflow at the peak", "veh/h"),
     "hard_brakings": ("hard brakings", "per 1,000 veh"), "ttc": ("merges with TTC < 3 s", "share"),
-    "drac": ("with DRAC > 3 m/s²", "share"), "pet": ("with PET < 2 s", "share"), "fuel": ("fuel", "l"),
+    "drac": ("with DRAC > 3 m/s²", "share"),
+    "conflicts": ("with either", "share"), "pet": ("with PET < 2 s", "share"), "fuel": ("fuel", "l"),
     "co2": ("CO2", "kg"), "gini": ("Gini of delay", ""),
 }  # fmt: skip
 LEAST_GAIN: Final = 0.03  # of total time that ours must win over the baseline to count, as set before
