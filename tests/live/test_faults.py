@@ -132,8 +132,7 @@ def test_a_forecaster_that_warms_up_slowly_is_left_alone_as_long_as_it_goes_on(m
                 await asyncio.sleep(0.02)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        watched.close()
-        await watched.process.wait()
+        await watched.close()
         assert seen[0][0] == "ready"
         assert seen[0][1] > began
         return watched

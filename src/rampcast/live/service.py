@@ -84,7 +84,7 @@ class Service:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self.supervisor.close()
+        await self.supervisor.close()
         log("stopped", **{name: station.seq for name, station in self.stations.items()})
 
     @property

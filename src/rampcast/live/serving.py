@@ -122,8 +122,13 @@ def serve(
     log("listening", address=where, sites=[*service.stations])
     if announce is not None:
         announce(where)
-    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is how one ends it; the server has heard it and ended itself
-        asyncio.run(_server(app, address, listening).serve(sockets=[listening]))
+    _run(_server(app, address, listening), listening)
+
+
+def _run(server: Any, listening: socket.socket) -> None:
+    """Runs a server to its end; Ctrl-C is how one ends it, and no mistake."""
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(server.serve(sockets=[listening]))
 
 
 def _server(app: Any, address: Address, listening: Any) -> Any:

@@ -131,9 +131,11 @@ class Supervisor:
         self.is_ready, self._line, self._asked = False, None, None
         self._kill()
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Ends the process and gives the memory back."""
         self._end()
+        if self.process is not None:
+            await self.process.wait()
         with contextlib.suppress(OSError):
             os.close(self._memory)
 
