@@ -1,6 +1,7 @@
 """A stranger's table is told by names, content and physics; what that does not tell is one question."""
 
 import shlex
+from dataclasses import replace
 
 import polars as pl
 import pytest
@@ -125,3 +126,18 @@ def test_a_table_without_rows_is_told_so(tmp_path):
 def test_columns_of_a_map_are_told_by_their_names(x, y):
     assert x.lower().replace("_", "") in NAMES["x"].split()
     assert y.lower().replace("_", "") in NAMES["y"].split()
+
+
+def test_the_point_of_a_vehicle_is_told_by_how_few_overlap(tmp_path):
+    own = traffic()
+    queue = own.filter(pl.col("lane") == 1).with_columns(
+        pl.col("id") + 100, x=pl.col("x") - pl.col("length") - 1.5, length=pl.lit(18.0)
+    )  # a lorry close behind each car, 18 m long: by its centre it would stand in the car
+    both = pl.concat([own, queue.filter(pl.col("x") >= 0)]).sort("id", "frame")
+    both.select("id", "t", "x", "y", "lane", "length").write_csv(tmp_path / "front.csv")
+    told = []
+    found = start([tmp_path / "front.csv"], tmp_path / "out", tell=told.append)
+    assert found.mapping["reference"] == "front"
+    assert [one for one in told if one.startswith("reference: front of the vehicle after all")]
+    said = start([tmp_path / "front.csv"], tmp_path / "said", answers=Answers(reference="front"))
+    assert said.site == replace(found.site, notes=said.site.notes)

@@ -69,10 +69,12 @@ class Proposal:
     Attributes:
         values: of the mapping file.
         reasons: what each was told by, in words.
+        assumed: names of values that nothing in the rows looked at tells.
     """
 
     values: dict[str, Any] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
 
     def say(self, name: str, value: Any, reason: str) -> None:
         """Adds what a value of `[columns]` is, and why."""

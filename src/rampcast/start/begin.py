@@ -4,6 +4,7 @@ import shlex
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,6 +22,7 @@ from rampcast.recording.reading import ReadReport
 from rampcast.roads.ramp import SOURCE, mirrored, road_named, with_ramp, without_ramp
 from rampcast.sites import Site, write_site
 from rampcast.start.asking import NOTHING, Answers, Ask, Proposal, Question, StartError, answer_to, nobody_answers
+from rampcast.start.point import by_overlaps
 from rampcast.start.proposal import propose
 from rampcast.start.ramp_lane import edges_of, is_ramp
 from rampcast.start.sample import sample_of_head
@@ -92,6 +94,10 @@ def start(
     for reason in [f"format: {taken_for}"] if taken_for else proposal.reasons:
         tell(reason)
     recording, report = _read(files, proposal.values, answers, ask)
+    if "reference" in proposal.assumed and (better := by_overlaps(recording, partial(_as_reference, files, proposal))):
+        proposal.values["reference"], (recording, report), why = better
+        proposal.reasons.append(why)
+        tell(why)
     recording = mirrored(recording) if answers.mirrored else recording
     _check(recording)
     tell(f"road: {recording.site.length:.0f} m, {len(recording.site.lanes)} lanes, {len(recording.names)} part(s)")
@@ -174,6 +180,11 @@ def _verdict(recording: Recording) -> str:
     spoilt = [one for one in examine(recording).findings if one.severity is Severity.SPOILS]
     told = "; ".join(f"{one.check.title}: {one.check.counting(one.count)}. {one.check.advice}" for one in spoilt)
     return f"doctor: this would spoil a forecast: {told}" if told else "doctor: nothing here would spoil a forecast"
+
+
+def _as_reference(files: Sequence[Path], proposal: Proposal, reference: str, road: str) -> tuple[Recording, ReadReport]:
+    """Returns the recording of a road as it is if positions are of that point of a vehicle, and what reading found."""
+    return _read(files, proposal.values | {"reference": reference}, Answers(road=road), nobody_answers)
 
 
 def _check(recording: Recording) -> None:

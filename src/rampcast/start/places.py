@@ -201,6 +201,8 @@ def _reference(columns: dict[str, str], answers: Answers, proposal: Proposal) ->
     if reference not in REFERENCES:
         raise StartError(f"--reference: expected one of {', '.join(REFERENCES)}, got {reference}")
     proposal.values["reference"] = reference
+    if not answers.reference and not told:
+        proposal.assumed.append("reference")
     why = (
         "what was said"
         if answers.reference
