@@ -7,6 +7,7 @@ It calls the commands that `rampcast start` prints, as a user would, each in a p
 """
 
 import math
+import resource
 import shlex
 import subprocess
 import sys
@@ -52,13 +53,13 @@ def main() -> None:
         table, out = Path(folder) / "camera.csv", Path(folder) / "start"
         rows = write_camera_csv(table, seconds=seconds)
         print(f"a camera's csv in UTM metres: {rows:,} rows, {seconds / 60:g} min of simulated traffic")
-        begin = time.perf_counter()
+        begin, used = time.perf_counter(), processor_time()
         timed(["rampcast", "start", str(table), "--reference", "front", "--out", str(out)])
         for line in (out / "commands.txt").read_text(encoding="utf-8").splitlines():
             timed(shlex.split(line))
         taken = time.perf_counter() - begin
         assert (out / "forecasts" / "report.html").is_file()
-        print(f"from the table to report.html: {taken:.0f} s")
+        print(f"from the table to report.html: {taken:.0f} s, {processor_time() - used:.0f} s of processor time")
         print_ratio("minutes recorded to minutes waited", seconds / taken)
 
 
@@ -68,11 +69,17 @@ def timed(command: list[str]) -> None:
     Raises:
         SystemExit: it failed.
     """
-    begin = time.perf_counter()
+    begin, used = time.perf_counter(), processor_time()
     done = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}")
-    print(f"{command[1]}: {time.perf_counter() - begin:.1f} s")
+    print(f"{command[1]}: {time.perf_counter() - begin:.1f} s, {processor_time() - used:.1f} s of processor time")
+
+
+def processor_time() -> float:
+    """Returns the processor time of all commands that ended so far [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 if __name__ == "__main__":

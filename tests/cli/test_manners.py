@@ -11,7 +11,7 @@ from polars.testing import assert_frame_equal
 from typer.testing import CliRunner
 
 import rampcast
-from rampcast.cli import again, app, keep_what_was_called, main, show, told
+from rampcast.cli import again, app, keep_what_was_called, lines, main, show, told
 from rampcast.cli.pages import PLACES
 from rampcast.errors import RampcastError
 from rampcast.formats import convert_all, read_any
@@ -106,13 +106,13 @@ def test_a_shell_completes_commands():
 
 def test_without_a_terminal_each_thing_done_is_a_line_and_long_ones_tell_the_time_left(capsys, monkeypatch):
     clock = iter([0.0, 0.0, 40.0, 80.0])
-    monkeypatch.setattr(show.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(lines.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(show.notes, "quiet", False)
     with show.progress() as tell:
         for done in (0, 1, 2, 4):
             tell("drive", done, 4)
-    lines = capsys.readouterr().err.splitlines()
-    assert lines == ["drive: 2 of 4, about 40 s left", "drive: done in 80 s"]
+    shown = capsys.readouterr().err.splitlines()
+    assert shown == ["drive: 2 of 4, about 40 s left", "drive: done in 80 s"]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import re
 import shlex
-import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +21,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+
+from rampcast.cli.lines import line_by_line
 
 if TYPE_CHECKING:
     import polars as pl
@@ -41,7 +42,6 @@ output = Console()
 messages = Console(stderr=True)
 notes = Console(stderr=True)  # what --quiet leaves out
 
-BETWEEN_LINES = 30.0  # [s] of work that is not shown as a bar
 SHOWN_HORIZONS = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
 SHOWN_SKILLS = (3.0, 8.0)  # [s]
 
@@ -67,7 +67,7 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         TimeRemainingColumn(),
     )
     if not notes.is_terminal:
-        yield from _line_by_line(first)
+        yield from line_by_line(first, note)
         return
     with Progress(*columns, console=notes) as bars:
         tasks: dict[str, TaskID] = {}
@@ -82,27 +82,6 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
         yield tell
         if first is not None:
             tell(first, 1, 1)
-
-
-def _line_by_line(first: str | None) -> Iterator["Tell"]:
-    """Gives a function that writes a line for each thing done, and of long ones how long they will take yet."""
-    begun: dict[str, float] = {}
-    last: dict[str, float] = {}
-
-    def tell(what: str, done: int, total: int) -> None:
-        now = time.monotonic()
-        begin = begun.setdefault(what, now)
-        if done >= total:
-            note(f"{what}: done in {now - begin:.0f} s")
-        elif done and now - last.setdefault(what, begin) > BETWEEN_LINES:
-            last[what] = now
-            note(f"{what}: {done:,} of {total:,}, about {(now - begin) / done * (total - done):.0f} s left")
-
-    if first is not None:
-        tell(first, 0, 1)
-    yield tell
-    if first is not None:
-        tell(first, 1, 1)
 
 
 def titled(title: str, heads: Sequence[str], *, numbers: Collection[str] = ()) -> Table:

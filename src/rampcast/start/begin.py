@@ -93,11 +93,7 @@ def start(
     proposal = Proposal() if taken_for else proposed(files, answers, ask)
     for reason in [f"format: {taken_for}"] if taken_for else proposal.reasons:
         tell(reason)
-    recording, report = _read(files, proposal.values, answers, ask)
-    if "reference" in proposal.assumed and (better := by_overlaps(recording, partial(_as_reference, files, proposal))):
-        proposal.values["reference"], (recording, report), why = better
-        proposal.reasons.append(why)
-        tell(why)
+    recording, report = _read_by_point(files, proposal, answers, ask, tell)
     recording = mirrored(recording) if answers.mirrored else recording
     _check(recording)
     tell(f"road: {recording.site.length:.0f} m, {len(recording.site.lanes)} lanes, {len(recording.names)} part(s)")
@@ -180,6 +176,18 @@ def _verdict(recording: Recording) -> str:
     spoilt = [one for one in examine(recording).findings if one.severity is Severity.SPOILS]
     told = "; ".join(f"{one.check.title}: {one.check.counting(one.count)}. {one.check.advice}" for one in spoilt)
     return f"doctor: this would spoil a forecast: {told}" if told else "doctor: nothing here would spoil a forecast"
+
+
+def _read_by_point(
+    files: Sequence[Path], proposal: Proposal, answers: Answers, ask: Ask, tell: Callable[[str], None]
+) -> tuple[Recording, ReadReport]:
+    """Returns what `_read` does; where nothing tells which point of a vehicle is measured, overlaps propose it."""
+    recording, report = _read(files, proposal.values, answers, ask)
+    if "reference" in proposal.assumed and (better := by_overlaps(recording, partial(_as_reference, files, proposal))):
+        proposal.values["reference"], (recording, report), why = better
+        proposal.reasons.append(why)
+        tell(why)
+    return recording, report
 
 
 def _as_reference(files: Sequence[Path], proposal: Proposal, reference: str, road: str) -> tuple[Recording, ReadReport]:
