@@ -203,6 +203,13 @@ def test_who_says_nothing_is_hung_up_on_and_others_are_served(monkeypatch):
             one.close()
 
 
+@settings(max_examples=300)
+@given(st.binary(max_size=200), st.sampled_from([b"", b'{"v":1,"t_ms":0,"objects":[{"id":1,"x":']))
+def test_no_bytes_whatsoever_are_more_than_a_frame_or_an_error(tail, head):
+    with contextlib.suppress(FrameError):
+        frame_of(head + tail)
+
+
 def test_who_has_too_many_connections_is_hung_up_on_and_others_come_in(monkeypatch):
     monkeypatch.setattr(connections, "MOST_OF_ONE", 5)
     with serving() as inside:
