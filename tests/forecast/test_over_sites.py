@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 import rampcast as rc
-from rampcast.cli.forecasting import train_over_sites
 from rampcast.cli.reading import Reading
+from rampcast.cli.training import train_over_sites
 from rampcast.errors import RampcastError, RecordingError
 from rampcast.forecast import over_sites
 from rampcast.forecast.over_sites import fit_sites, scores_table

@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Sequence
 
-from rampcast.cli import again, batch, begin, control, data, drawing, forecasting, live, pages, view
+from rampcast.cli import again, batch, begin, control, data, drawing, forecasting, live, pages, training, view
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
@@ -39,6 +39,7 @@ __all__ = [
     "main",
     "pages",
     "told",
+    "training",
     "view",
 ]
 

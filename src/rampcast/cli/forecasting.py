@@ -1,4 +1,4 @@
-"""Commands that train, forecast and score."""
+"""Commands that forecast and score."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,144 +13,26 @@ from rampcast.cli.options import (
     Batch,
     Epochs,
     Every,
-    Files,
     Json,
     OutFolder,
     RecordingFile,
     Report,
     Seed,
     SkipBadRows,
-    Start,
     Stride,
     WhichReport,
     check_files,
     with_stdin,
 )
 from rampcast.cli.reading import Reading, bad_rows_of, read_raw, read_smoothed, reads_files, smoothed, user_command
+from rampcast.cli.training import paper_spec
 from rampcast.errors import RampcastError
-from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
     from rampcast.forecast.protocol import Progress, RecordingForecast, RecordingForecaster
-    from rampcast.paper.framework import PaperSpec
     from rampcast.recording import Recording
-
-
-@app.command(
-    epilog="Examples:\n\nrampcast train window1.parquet window3.parquet --out model\n\n"
-    "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected\n\n"
-    "rampcast train here.parquet there.parquet elsewhere.parquet --site-per-file --out any-site"
-)
-@reads_files()
-def train(
-    context: typer.Context,
-    recordings: Files,
-    out: OutFolder,
-    paper: Annotated[
-        Mode | None, typer.Option("--paper", help="Train the paper's framework in that reading of the paper instead.")
-    ] = None,
-    reading: Reading = Reading(),
-    epochs: Epochs = 25,
-    batch: Batch = 32,
-    stride: Stride = 1,
-    seed: Seed = 1,
-    start: Start = "pretrained",
-    site_per_file: Annotated[
-        bool,
-        typer.Option("--site-per-file", help="The files are of several sites: train for any; score each left out."),
-    ] = False,
-    mode: Annotated[str | None, typer.Option("--mode", hidden=True)] = None,
-) -> None:
-    """Trains the forecaster on a site, in stages that are kept: after an interruption the same command goes on.
-
-    With --paper the paper's framework instead: two neighbour LSTMs and 32 lane-change forests.
-    """
-    from rampcast.forecast.forecaster import ForecasterSpec, fit
-    from rampcast.forecast.storage import save
-    from rampcast.models.folder import STAGES, check_replaceable
-    from rampcast.paper.framework import fit_paper
-
-    refuse_without_effect(context, paper=paper, mode=mode)
-    check_replaceable(out)
-    if site_per_file:
-        train_over_sites(recordings, out, reading, ForecasterSpec(seed=seed), started(start), paper)
-        return
-    with terminal.progress() as tell:
-        recording = read_smoothed(recordings, reading)
-        model: RecordingForecaster
-        if paper is None:
-            spec, begun = ForecasterSpec(seed=seed), started(start)
-            model = fit(recording, spec=spec, start=begun, kept=out / STAGES, progress=tell)
-        else:
-            model = fit_paper(recording, mode=paper, spec=paper_spec(epochs, batch, stride, seed), progress=tell)
-        save(model, out)
-    terminal.print_trained(out, recording.names, getattr(model, "score", None))
-
-
-def train_over_sites(
-    files: list[Path],
-    out: Path,
-    reading: Reading,
-    spec: "ForecasterSpec",
-    start: "Forecaster | None",
-    paper: Mode | None,
-) -> None:
-    """Trains a forecaster of any site, and writes how well each site is forecast by the others.
-
-    Raises:
-        RampcastError: the paper's framework is asked for, which is of one site.
-    """
-    from rampcast.files import write_whole
-    from rampcast.forecast.over_sites import fit_sites, scores_table
-    from rampcast.forecast.storage import save
-    from rampcast.models.folder import STAGES
-
-    if paper is not None:
-        raise RampcastError("--site-per-file: the paper's framework is trained at one site; leave --paper out")
-    with terminal.progress() as tell:
-        sites = [read_smoothed([file], reading) for file in files]
-        model, scores = fit_sites(sites, spec=spec, start=start, kept=out / STAGES, progress=tell)
-        save(model, out)
-    with write_whole(out / "sites.csv") as new:
-        scores_table(scores).write_csv(new, float_precision=4)
-    terminal.say(f"wrote the model to {out}, trained on {', '.join(model.trained_on)}; it forecasts any site")
-    terminal.print_site_scores(scores)
-
-
-def started(start: str) -> "Forecaster | None":
-    """Returns the forecaster that training starts from.
-
-    Raises:
-        RampcastError: it is the paper's, or cannot be read.
-    """
-    from rampcast.forecast.forecaster import Forecaster
-    from rampcast.forecast.storage import load
-
-    if start == "none":
-        return None
-    found = load(start)
-    if not isinstance(found, Forecaster):
-        raise RampcastError(f"--from {start}: the paper's framework; expected a model of `rampcast train`")
-    return found
-
-
-def refuse_without_effect(context: typer.Context, *, paper: Mode | None, mode: str | None) -> None:
-    """Raises an error if `train` was given an option that would do nothing.
-
-    Raises:
-        RampcastError: names it.
-    """
-    if mode is not None:
-        raise RampcastError(
-            f"--mode {mode}: a model is rampcast's own now, or with `--paper {mode}` the paper's framework in that mode"
-        )
-    sources = {name: context.get_parameter_source(name) for name in ("epochs", "batch", "stride")}
-    given = [f"--{name}" for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
-    if given and paper is None:
-        raise RampcastError(f"{', '.join(given)}: only for the paper's LSTMs; leave it out, or add `--paper corrected`")
 
 
 @app.command(
@@ -385,10 +267,3 @@ def demo(out: OutFolder = Path("out/demo")) -> None:
     say_report([test], out, forecaster, "a model that was trained for a minute or two", beside)
     terminal.print_scores(paper)
     terminal.say(f"wrote {page}: the paper's")
-
-
-def paper_spec(epochs: int, batch: int, stride: int, seed: int) -> "PaperSpec":
-    from rampcast.paper.framework import PaperSpec
-    from rampcast.paper.neighbours.lstm import LstmSpec
-
-    return PaperSpec(lstm=LstmSpec(epochs=epochs, batch=batch), window_stride=stride, seed=seed)
