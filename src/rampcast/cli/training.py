@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from rampcast.recording import Recording
 
 
+Paper = Annotated[
+    Mode | None, typer.Option("--paper", help="Train the paper's framework in that reading of the paper instead.")
+]
+
+
 @app.command(
     epilog="Examples:\n\nrampcast train window1.parquet window3.parquet --out model\n\n"
     "rampcast train window1.parquet window3.parquet --out paper-model --paper corrected\n\n"
@@ -29,9 +34,7 @@ def train(
     context: typer.Context,
     recordings: Files,
     out: OutFolder,
-    paper: Annotated[
-        Mode | None, typer.Option("--paper", help="Train the paper's framework in that reading of the paper instead.")
-    ] = None,
+    paper: Paper = None,
     reading: Reading = Reading(),
     epochs: Epochs = 25,
     batch: Batch = 32,
