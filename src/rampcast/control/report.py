@@ -15,6 +15,7 @@ from rampcast import __version__
 from rampcast.control.comparing import compared
 from rampcast.control.outcome import Done
 from rampcast.control.plan import Job
+from rampcast.evaluate.bootstrap import LEAST_GROUPS
 from rampcast.files import write_outputs
 from rampcast.plots import style
 
@@ -29,6 +30,7 @@ MEASURES: Final = {
     "conflicts": ("with either", "share"), "pet": ("with PET < 2 s", "share"), "fuel": ("fuel", "l"),
     "co2": ("CO2", "kg"), "gini": ("Gini of delay", ""),
 }  # fmt: skip
+LEAST_PAIRS: Final = 20  # of runs, from which on a result is called one
 LEAST_GAIN: Final = 0.03  # of total time that ours must win over the baseline to count, as set before
 
 
@@ -70,13 +72,17 @@ def sentence(done: Done, against: dict[str, pl.DataFrame]) -> str:
     if mine.height:
         best = mine.sort("difference").head(1)
         told.append("Of ours that forecast, the best is this one. " + _verdict(best, best["controller"][0], base))
-        won = bool(best["better"][0]) and best["share"][0] <= -LEAST_GAIN
-        told.append(
-            f"That is the gain of {LEAST_GAIN:.0%} that was asked for."
-            if won
-            else f"The gain of {LEAST_GAIN:.0%} that was asked for was not found: this is a null result."
-        )
+        told.append(_gain(best))
     return " ".join(told) or "One controller only: there is nothing to compare."
+
+
+def _gain(best: pl.DataFrame) -> str:
+    """Returns whether the best of ours won what was asked for."""
+    if best["n"][0] < LEAST_PAIRS:
+        return "These are too few runs to say more."
+    if best["better"][0] and best["share"][0] <= -LEAST_GAIN:
+        return f"That is the gain of {LEAST_GAIN:.0%} that was asked for."
+    return f"The gain of {LEAST_GAIN:.0%} that was asked for was not found: this is a null result."
 
 
 def _verdict(row: pl.DataFrame, name: str, other: str) -> str:
@@ -85,10 +91,13 @@ def _verdict(row: pl.DataFrame, name: str, other: str) -> str:
         return f"{name} was not compared with {other}."
     share, low, high = (float(whole[one][0]) for one in ("share", "low_share", "high_share"))
     how = "less" if share < 0 else "more"
+    count = int(whole["n"][0])
+    if count < LEAST_GROUPS:
+        return f"With {name}, vehicles spent {abs(share):.1%} {how} time in all than with {other}, in {count} run(s)."
     sure = "a difference" if low > 0 or high < 0 else "which may be chance"
     return (
         f"With {name}, vehicles spent {abs(share):.1%} {how} time in all than with {other} "
-        f"(95 %: {low:+.1%} to {high:+.1%}; {int(whole['n'][0])} pairs of runs), {sure}."
+        f"(95 %: {low:+.1%} to {high:+.1%}; {count} pairs of runs), {sure}."
     )
 
 
