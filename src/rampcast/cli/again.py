@@ -85,7 +85,7 @@ def _out_of(arguments: Sequence[str]) -> Path | None:
 
 
 def _command(arguments: Sequence[str]) -> "TyperCommand | None":
-    commands = getattr(typer.main.get_command(app), "commands", {})
+    commands: dict[str, TyperCommand] = getattr(typer.main.get_command(app), "commands", {})
     named = next((one for one in arguments if not one.startswith("-")), "")
     return None if named == AGAIN else commands.get(named)
 

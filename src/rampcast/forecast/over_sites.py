@@ -85,7 +85,13 @@ def fit_sites(
         scores = tuple(_score(name, parts, learn, stages, tell) for name in parts)
         model = learn(_together(list(parts.values())), tell=partial(tell, "all sites"), stages=stages)
     stages.forget()
-    forecaster = Forecaster(
+    return _of_any_site(model, recordings, hashes, spec), scores
+
+
+def _of_any_site(
+    model: Calibrated, recordings: Sequence[Recording], hashes: Sequence[str], spec: ForecasterSpec
+) -> Forecaster:
+    return Forecaster(
         site=None,
         model=model,
         training=spec,
@@ -93,7 +99,6 @@ def fit_sites(
         data_hash=hashlib.sha256("".join(hashes).encode()).hexdigest(),
         window_hashes=tuple(one for recording in recordings for one in window_hashes(recording)),
     )
-    return forecaster, scores
 
 
 def scores_table(scores: Sequence[SiteScore]) -> pl.DataFrame:
