@@ -63,7 +63,8 @@ def print_times(forecaster: Forecaster, vehicles: int, samples: int) -> None:
     own, stream, wall, work = replace(forecaster, model=model), Stream(SITE), [], []
     for number, frame in enumerate(frames(vehicles, 1, FRAMES + 45)):
         begins = time.perf_counter(), time.process_time()
-        traffic = stream.push(0.1 * number, frame)
+        # 300 of them need more road than the site has
+        traffic = replace(stream.push(0.1 * number, frame), is_accepted=True)
         if number < 40:
             continue
         own.predict(traffic)

@@ -1,7 +1,7 @@
 """Times the way from a stranger's table to the report: a shipped simulated recording, written as a camera's UTM csv.
 
 .venv/bin/python benchmarks/bench_start.py            the whole window of 15 minutes
-RAMPCAST_TINY=1 .venv/bin/python benchmarks/bench_start.py     a minute of it, to see that it works
+RAMPCAST_TINY=1 .venv/bin/python benchmarks/bench_start.py     four minutes of it, to see that it works
 
 It calls the commands that `rampcast start` prints, as a user would, each in a process of its own.
 """
@@ -48,7 +48,7 @@ def write_camera_csv(out: Path, *, seconds: float) -> int:
 
 def main() -> None:
     """Prints how long each command takes, and all of them."""
-    seconds = float(how_many(900, tiny=60))
+    seconds = float(how_many(900, tiny=240))
     with tempfile.TemporaryDirectory() as folder:
         table, out = Path(folder) / "camera.csv", Path(folder) / "start"
         rows = write_camera_csv(table, seconds=seconds)
