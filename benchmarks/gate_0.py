@@ -226,9 +226,10 @@ def summarised(name: str, rows: list[dict[str, Any]]) -> None:
     print(f"\n{name}: {len(rows)} runs, {sum(row['breakdown'] is not None for row in rows)} of them broke down")
     for measure in ("drop", "before", "discharge", "place_25", "place_50", "place_75", "within_3_m",
                     "merge_lane_speed", "hard_share", "teleports", "collisions", "emergency_stops"):  # fmt: skip
-        values = np.array([row[measure] for row in rows if row[measure] is not None], dtype=float)
+        values = np.array([np.nan if row[measure] is None else row[measure] for row in rows], dtype=float)
+        values = values[np.isfinite(values)]  # one that broke down in its last minutes has no discharge
         off = float(student.ppf(0.975, len(values) - 1)) * values.std(ddof=1) / np.sqrt(len(values))
-        print(f"| {measure} | {values.mean():.4g} | {values.mean() - off:.4g} to {values.mean() + off:.4g} |")
+        print(f"| {measure} | {values.mean():.4g} | {values.mean() - off:.4g} to {values.mean() + off:.4g} | {len(values)} |")
     print("breakdown within the five minutes after a flow, by Brilon's product limit:")
     flows = [(flow, k == len(row["flows"]) - 1 and row["breakdown"] is not None) for row in rows
              for k, flow in enumerate(row["flows"])]  # fmt: skip
