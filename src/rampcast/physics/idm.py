@@ -82,7 +82,7 @@ def acceleration(
     leader_speed: Float[ArrayLike, "*#scene"],
     gap: Float[ArrayLike, "*#scene"],
 ) -> Float[Array, "*#scene"]:
-    """Returns a = A [1 - (v / v_d)^delta - (s_d / s)^2] [m/s^2].
+    """Returns a = A (1 - (v / v_d)^delta - (s_d / s)^2) [m/s^2].
 
     Source: the paper, eq. 2; Treiber, Hennecke and Helbing 2000, eq. 3.
 
