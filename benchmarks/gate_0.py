@@ -229,7 +229,8 @@ def summarised(name: str, rows: list[dict[str, Any]]) -> None:
         values = np.array([np.nan if row[measure] is None else row[measure] for row in rows], dtype=float)
         values = values[np.isfinite(values)]  # one that broke down in its last minutes has no discharge
         off = float(student.ppf(0.975, len(values) - 1)) * values.std(ddof=1) / np.sqrt(len(values))
-        print(f"| {measure} | {values.mean():.4g} | {values.mean() - off:.4g} to {values.mean() + off:.4g} | {len(values)} |")
+        mean, count = values.mean(), len(values)
+        print(f"| {measure} | {mean:.4g} | {mean - off:.4g} to {mean + off:.4g} | {count} |")
     print("breakdown within the five minutes after a flow, by Brilon's product limit:")
     flows = [(flow, k == len(row["flows"]) - 1 and row["breakdown"] is not None) for row in rows
              for k, flow in enumerate(row["flows"])]  # fmt: skip

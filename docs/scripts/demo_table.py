@@ -21,12 +21,7 @@ VALUES = {
     "within_5": ("within 5 m [%]", "{:.0f}", 100.0),
     "within_10": ("within 10 m [%]", "{:.0f}", 100.0),
 }
-FIRST = (
-    "rampcast",
-    "constant_velocity",
-    "constant_speed_leader",
-    "idm",
-)  # in the README
+FIRST = ("rampcast", "constant_velocity", "constant_speed_leader", "idm")  # in the README
 GROUPS = {"central": "", "ramp_neighbour": " of ramp neighbours", "target_neighbour": " of target-lane neighbours"}
 
 
