@@ -39,6 +39,11 @@ def test_what_is_less_than_was_asked_for_is_a_null_result_even_if_it_is_sure(shi
     assert "was not found: this is a null result." in said(shift, 30)
 
 
+def test_what_many_comparisons_give_by_chance_is_said_to_be_chance():
+    """A little less in one seed of three, a little more in another."""
+    assert "which may be chance (p = " in said(-0.1, 30)
+
+
 def test_few_runs_say_nothing():
     assert "too few runs to say more" in said(-4.0, 10)
     one = said(-4.0, 1)

@@ -12,7 +12,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from rampcast import __version__
-from rampcast.control.comparing import compared
+from rampcast.control.comparing import LEVEL, compared
 from rampcast.control.outcome import Done
 from rampcast.control.plan import Job
 from rampcast.evaluate.bootstrap import LEAST_GROUPS
@@ -94,7 +94,8 @@ def _verdict(row: pl.DataFrame, name: str, other: str) -> str:
     count = int(whole["n"][0])
     if count < LEAST_GROUPS:
         return f"With {name}, vehicles spent {abs(share):.1%} {how} time in all than with {other}, in {count} run(s)."
-    sure = "a difference" if low > 0 or high < 0 else "which may be chance"
+    chance = float(whole["p_holm"][0])
+    sure = "a difference" if chance < LEVEL else f"which may be chance (p = {chance:.2g}, of that many comparisons)"
     return (
         f"With {name}, vehicles spent {abs(share):.1%} {how} time in all than with {other} "
         f"(95 %: {low:+.1%} to {high:+.1%}; {count} pairs of runs), {sure}."
