@@ -18,7 +18,7 @@ from rampcast.simulate.corridor import Corridor
 from rampcast.simulate.drivers import DRIVERS, drivers_of
 from rampcast.simulate.plant import Scenario
 
-SHIPPED: Final = ("full", "advice", "corridor", "ci", "tiny")
+SHIPPED: Final = ("full", "first", "advice", "corridor", "ci", "tiny")
 QUIET, RISES, FALLS = 0.15, 0.35, 0.6  # shares of a run: until the demand rises, is at its peak, begins to fall
 EMPTIES: Final = 0.72  # share of a run from which the demand is low, so that queues can dissolve
 SHARES: Final = (0.0, 0.96, 0.04)  # no motorcycles: they pass between lanes, which SUMO's do not
