@@ -2,6 +2,8 @@
 # make test   installs and runs all tests
 # make quick  installs and runs the tests of a minute: not those marked slow, and without the run-time checks of shapes
 # make view   installs and plays a simulated recording with its forecasts in the browser
+# make dist   builds the source distribution and the wheel in dist/, and has them and the conda recipe checked
+# make docs-version   builds the pages as this version's on the local branch gh-pages, beside those of others
 # make versions   installs on each Python 3.11 to 3.13 that is there, and in the lowest versions, and runs the quick tests
 # make fuzz       fuzzes the readers of csv, json and xml, led by the code they reach, for SECONDS each (1200)
 # make soak   installs and runs the live service under load for an hour (SECONDS=300: five minutes)
@@ -11,13 +13,14 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+MINOR = $(shell sed -n 's/^version = "\([0-9]*\.[0-9]*\).*/\1/p' pyproject.toml)
 # a process for each core, up to four; the tests of a module share what it made
 IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
 
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test quick check versions fuzz bench bench-smoke soak attack container docs sample pretrained clean
+.PHONY: demo view test quick check versions fuzz bench bench-smoke soak attack container docs docs-version dist sample pretrained clean
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/rampcast demo --out out/demo
@@ -65,6 +68,18 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/python docs/scripts/cli_reference.py
 	$(BIN)/python docs/scripts/formats_pages.py
 	$(BIN)/mkdocs build --strict
+
+docs-version: $(VENV)/.installed-docs
+	$(BIN)/python docs/scripts/cli_reference.py
+	$(BIN)/python docs/scripts/formats_pages.py
+	PATH=$(BIN):$$PATH $(BIN)/mike deploy --alias-type=copy --update-aliases $(MINOR) latest
+	PATH=$(BIN):$$PATH $(BIN)/mike set-default latest
+
+dist: $(VENV)/.installed-dev $(VENV)/.installed-dist
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python -m twine check --strict dist/*
+	$(BIN)/pytest tests/test_distribution.py
 
 sample: $(VENV)/.installed-dev
 	$(BIN)/python -m rampcast.simulate sample src/rampcast/simulate/data

@@ -1,6 +1,7 @@
 """What a batch does, as a plan.toml or the command line says."""
 
 import glob
+import math
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -9,6 +10,7 @@ from typing import Any, Final
 
 from rampcast.errors import RampcastError
 
+SHORTEST: Final = 10.0  # [s] of a part: each is read with 19 s around it
 STEPS: Final = ("doctor", "convert", "forecast", "evaluate")  # in the order in which a task does them
 
 
@@ -17,13 +19,14 @@ class Plan:
     """What is done with which files.
 
     Attributes:
-        files: recordings, in any form rampcast reads; each is a task.
+        files: recordings, in any form rampcast reads.
         out: folder of all results.
         do: of `STEPS`.
         site: name or file of a site; None for what each file says.
         format, mapping: see `rampcast.read`.
         model: folder of a model, or "pretrained".
         every: time between two forecasts [s].
+        window: length of the parts that a recording is cut into, each a task [s]; 0 for each file as one task.
         skip_bad_rows: whether rows that cannot be read are left out, and counted; else their file fails.
         accept_doubtful: whether to go on with what no road or vehicle has; else its file fails.
     """
@@ -36,6 +39,7 @@ class Plan:
     mapping: str | None = None
     model: str = "pretrained"
     every: float = 1.0
+    window: float = 300.0
     skip_bad_rows: bool = False
     accept_doubtful: bool = False
 
@@ -49,8 +53,11 @@ def plan_of_files(files: Sequence[Path | str], out: Path | str, **more: Any) -> 
         more: other values of `Plan`.
 
     Raises:
-        RampcastError: a pattern finds nothing, two files have one name, or a step is none.
+        RampcastError: a pattern finds nothing, two files have one name, a step is none, or `window` is no such time.
     """
+    window = more.get("window", Plan.window)
+    if window != 0 and not SHORTEST <= window < math.inf:
+        raise RampcastError(f"window: expected {SHORTEST:g} s or more, or 0 for each file as a whole, got {window:g}")
     found = [Path(path) for pattern in files for path in _matching(str(pattern))]
     names: dict[str, Path] = {}
     for path in found:
@@ -93,6 +100,7 @@ def _check(path: Path, values: dict[str, Any]) -> None:
         "mapping": str,
         "model": str,
         "every": (int, float),
+        "window": (int, float),
         "skip_bad_rows": bool,
         "accept_doubtful": bool,
     }

@@ -1,44 +1,29 @@
-"""Running the tasks of a batch: processes of this machine, or workers of a Dask cluster; and what came of them."""
+"""Running the tasks of a batch: processes of this machine, or workers of a Dask cluster."""
 
 import os
+import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
 from multiprocessing import get_context
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import polars as pl
-
+from rampcast.batch.doing import run_task
+from rampcast.batch.page import write_page
 from rampcast.batch.plan import Plan
-from rampcast.batch.task import Task, run_task
+from rampcast.batch.reading import READ, parts_of
+from rampcast.batch.tables import Done, written_tables
+from rampcast.batch.task import Record, Task, failed
 from rampcast.errors import RampcastError
-from rampcast.files import check_folder, write_whole
+from rampcast.files import check_folder
 
-Record = dict[str, Any]
 Tell = Callable[[str, int, int], None]
 TRIES: Final = 2  # times that a task may be running when its process dies before it is held to be the reason
-
-
-@dataclass(frozen=True)
-class Done:
-    """What came of a batch.
-
-    Attributes:
-        summary: a row for each road of each file, and for each file that failed, with the reason.
-        scores: errors by file and horizon; empty if nothing was evaluated.
-        files: that were written last: both tables.
-    """
-
-    summary: pl.DataFrame
-    scores: pl.DataFrame
-    files: tuple[Path, ...]
-
-    @property
-    def failed(self) -> pl.DataFrame:
-        """Returns the rows of files that failed."""
-        return self.summary.filter(pl.col("error").is_not_null())
+DEAD: Final = "its process was killed each time, as by a machine without memory left; try the file by itself"
 
 
 def batch(
@@ -61,42 +46,71 @@ def batch(
     if not plan.files:
         raise RampcastError("a batch without files: name some, or patterns as 'data/*.csv'")
     check_folder(plan.out)
-    tasks = [Task(file, plan) for file in plan.files]
     tell = progress or (lambda what, done, total: None)
-    tell("tasks", 0, len(tasks))
-    found: dict[str, Record] = {}
-    run = _on_cluster(tasks, scheduler) if scheduler else _here(tasks, processes or os.cpu_count() or 1)
-    for done, record in enumerate(run, start=1):
-        found[record["name"]] = record
-        tell("tasks", done, len(tasks))
-    return _summed([found[task.name] for task in tasks], plan.out)
+
+    def run(what: str, tasks: Sequence[Task]) -> list[Record]:
+        found: dict[str, Record] = {}
+        tell(what, 0, len(tasks))
+        each = _on_cluster(tasks, scheduler) if scheduler else _here(tasks, processes or os.cpu_count() or 1)
+        for done, record in enumerate(each, start=1):
+            found[record["name"]] = record
+            tell(what, done, len(tasks))
+        return [found[task.name] for task in tasks]
+
+    files = run("files", [Task(file, plan) for file in plan.files])
+    parts = run("parts", [part for record in files for part in parts_of(record, plan)]) if plan.window else []
+    done = written_tables(files, parts, plan.out)
+    page = write_page(done.tables, plan)
+    _tidy(plan, {record["file"] for record in parts if record["error"]})
+    return replace(done, files=(*done.files, page))
+
+
+def _tidy(plan: Plan, unfinished: set[str]) -> None:
+    """Removes what was read from other formats and is not needed any more."""
+    for file in plan.files:
+        if str(file) not in unfinished:
+            shutil.rmtree(plan.out / READ / file.stem, ignore_errors=True)
+    with suppress(OSError):  # it is not there, or not empty
+        (plan.out / READ).rmdir()
 
 
 def _here(tasks: Sequence[Task], processes: int) -> Iterator[Record]:
     """Yields records as tasks are done, by processes that are started anew where one dies."""
-    left, deaths = list(tasks), dict.fromkeys((task.name for task in tasks), 0)
+    left = {task.name: task for task in tasks}
+    deaths: Counter[str] = Counter()
     while left:
-        alone = max(deaths[task.name] for task in left) > 0  # then by one process, so that the reason is known
-        now = left[:1] if alone else left
-        with ProcessPoolExecutor(1 if alone else min(processes, len(now)), mp_context=get_context("spawn")) as pool:
-            waiting: dict[Future[Record], Task] = {pool.submit(run_task, task): task for task in now}
-            for future in as_completed(waiting):
-                task = waiting[future]
-                try:
-                    record = future.result()
-                except BrokenProcessPool:
+        suspect = next((left[name] for name, _ in deaths.most_common() if name in left), None)  # alone, to know it
+        now, count = ([suspect], 1) if suspect else ([*left.values()], min(processes, len(left)))
+        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+            for task, record in _fed(pool, now, count):
+                if record is None:
                     deaths[task.name] += 1
-                    if deaths[task.name] < TRIES + 1:
+                    if deaths[task.name] <= TRIES:
                         continue
-                    record = _dead(task)
-                left.remove(task)
+                    record = failed(task, DEAD)
+                del left[task.name]
                 yield record
-        left.sort(key=lambda task: -deaths[task.name])
 
 
-def _dead(task: Task) -> Record:
-    told = "its process was killed each time, as by a machine without memory left; try the file by itself"
-    return {"name": task.name, "file": str(task.file), "key": None, "error": told, "roads": []}
+def _fed(pool: ProcessPoolExecutor, tasks: Sequence[Task], count: int) -> Iterator[tuple[Task, Record | None]]:
+    """Yields each task with its record, until a process dies: then those that ran, with None, and no others.
+
+    No more tasks are handed over than there are processes, so that few are suspected of a death.
+    """
+    waiting: dict[Future[Record], Task] = {}
+    rest, is_broken = iter(tasks), False
+    while True:
+        if not is_broken:
+            waiting |= {pool.submit(run_task, task): task for task in islice(rest, count - len(waiting))}
+        if not waiting:
+            return
+        for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            task = waiting.pop(future)
+            try:
+                yield task, future.result()
+            except BrokenProcessPool:
+                is_broken = True
+                yield task, None
 
 
 def _on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Record]:
@@ -113,36 +127,4 @@ def _on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Record]:
         futures = client.map(run_task, tasks, pure=False, retries=TRIES, key=[f"rampcast-{one.name}" for one in tasks])
         names = dict(zip((future.key for future in futures), tasks, strict=True))
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
-            yield future.result() if future.status == "finished" else _dead(names[future.key])
-
-
-def _summed(records: Sequence[Record], out: Path) -> Done:
-    rows, scores = [], []
-    for record in records:
-        about = {"file": record["file"], "error": record["error"]}
-        rows += [about | {name: value for name, value in road.items() if name != "files"} for road in record["roads"]]
-        rows += [] if record["roads"] else [about]
-        for road in record["roads"]:
-            for name in (one for one in road["files"] if one.endswith("scores.parquet")):
-                keys = {"file": record["file"], "site": road["site"], "day": road["day"]}
-                table = pl.read_parquet(out / name, hive_partitioning=False)
-                scores.append(table.select(*(pl.lit(value).alias(key) for key, value in keys.items()), pl.all()))
-    schema = {
-        "file": pl.String,
-        "error": pl.String,
-        "site": pl.String,
-        "day": pl.String,
-        "vehicles": pl.Int64,
-        "rows": pl.Int64,
-        "spoils": pl.Boolean,
-        "findings": pl.Int64,
-    }
-    tables = {"summary": pl.DataFrame(rows, schema=schema), "scores": pl.concat(scores) if scores else pl.DataFrame()}
-    written = []
-    for name, table in tables.items():
-        for suffix, write in ((".parquet", table.write_parquet), (".csv", table.write_csv)):
-            if table.width:
-                with write_whole(out / f"{name}{suffix}") as path:
-                    write(path)
-                written.append(out / f"{name}{suffix}")
-    return Done(tables["summary"], tables["scores"], tuple(written))
+            yield future.result() if future.status == "finished" else failed(names[future.key], DEAD)

@@ -1,167 +1,139 @@
-"""One task of a batch: all that is done with one file. It runs in a process of its own, here or on another machine."""
+"""One task of a batch: a file that is read, or a part of one that is worked on; and the record of what became of it."""
 
 import hashlib
 import json
-import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
-
-import polars as pl
+from typing import Any, Final
 
 from rampcast import __version__
 from rampcast.batch.plan import Plan
-from rampcast.errors import RampcastError
-from rampcast.evaluate.positions import beside_truth, errors_by
 from rampcast.files import sha256_of, write_whole
-from rampcast.forecast.parts import write_forecasts
-from rampcast.forecast.storage import PRETRAINED, PRETRAINED_FOLDER, load
-from rampcast.recording import Recording
-from rampcast.recording import columns as c
-from rampcast.recording.invariants import check_believable
-from rampcast.recording.recording import write_recording
-from rampcast.threads import choosing_threads
+from rampcast.forecast.storage import PRETRAINED, PRETRAINED_FOLDER
 
-if TYPE_CHECKING:
-    from rampcast.doctor import RoadDiagnosis
-
+Record = dict[str, Any]
 RECORDS: Final = ".tasks"  # folder of what became of each task
-NO_DAY: Final = "unknown"
-PLAIN: Final = (RampcastError, OSError)  # whose words are for users
+READING: Final = ("site", "format", "mapping", "skip_bad_rows", "accept_doubtful")  # what reading depends on
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a recording: a window of a site, for some time.
+
+    Attributes:
+        number: counted over the file.
+        source: rampcast's own parquet that its rows are read from.
+        site: name of its site.
+        window: name of the window.
+        begin, end: its rows and its forecasts are from `begin` on and before `end` [s].
+        first, last: of the whole window, times of its first and last rows [s].
+        key: digest of all that its results depend on.
+    """
+
+    number: int
+    source: Path
+    site: str
+    window: str
+    begin: float
+    end: float
+    first: float
+    last: float
+    key: str
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is done with one file; see `Plan`."""
+    """What is done with one file, or with one part of it; see `Plan`."""
 
     file: Path
     plan: Plan
+    part: Part | None = None
 
     @property
     def name(self) -> str:
-        """Returns the name of its results."""
-        return self.file.stem
+        """Returns its name in words."""
+        return self.file.stem if self.part is None else f"{self.file.stem}, part {self.part.number:04}"
 
     @property
     def record(self) -> Path:
         """Returns the file that says what became of it."""
-        return self.plan.out / RECORDS / f"{self.name}.json"
+        of_file = self.plan.out / RECORDS / f"{self.file.stem}.json"
+        return of_file if self.part is None else of_file.with_suffix("") / f"{self.part.number:04}.json"
 
     def key(self) -> str:
         """Returns a digest of all that its results depend on."""
-        settings = {name: value for name, value in asdict(self.plan).items() if name not in ("files", "out")}
-        parts = [json.dumps(settings, sort_keys=True, default=str), __version__, sha256_of(self.file)]
-        for given in (self.plan.mapping, self.plan.site, self.plan.model):
-            parts += [sha256_of(path) for path in _files_of(given)]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        if self.part is not None:
+            return self.part.key
+        if self.plan.window:
+            return digest({name: getattr(self.plan, name) for name in READING}, [self.file, *reading_files(self.plan)])
+        return digest(settings(self.plan), [self.file, *reading_files(self.plan), *model_files(self.plan)])
+
+    @property
+    def about(self) -> Record:
+        """Returns how its record begins."""
+        about = {"name": self.name, "file": str(self.file)}
+        if self.part is None:
+            return about
+        seen = {"begin": max(self.part.begin, self.part.first), "end": min(self.part.end, self.part.last)}
+        return about | {"site": self.part.site, "part": self.part.number} | seen
 
 
-def run_task(task: Task) -> dict[str, Any]:
-    """Returns what became of a task, and writes it beside its results; one that was done before is not done again.
+def failed(task: Task, reason: str) -> Record:
+    """Returns the record of a task that failed, which is not kept: it is tried again."""
+    return task.about | {"key": None, "error": reason, "roads": [], "sources": [], "peak_mb": peak_memory()}
 
-    A file that cannot be read, or whatever else goes wrong, is part of what is returned: it spoils no other task.
-    """
+
+def done_before(task: Task) -> Record | None:
+    """Returns what became of a task if it was done and its results are there."""
     try:
-        key = task.key()
-        if (before := _record(task)) is not None and before.get("key") == key and _all_there(task, before):
-            return before
-        with choosing_threads(1):
-            found: dict[str, Any] = {"key": key, "error": None, "roads": _roads(task)}
-    except PLAIN as error:
-        return {"name": task.name, "file": str(task.file), "key": None, "error": str(error), "roads": []}
-    except Exception as error:  # whatever it is, the other tasks go on
-        told = f"{type(error).__name__}: {error}; please report it with\n{traceback.format_exc()}"
-        return {"name": task.name, "file": str(task.file), "key": None, "error": told, "roads": []}
-    found |= {"name": task.name, "file": str(task.file)}
-    with _whole(task.record) as path:
-        path.write_text(json.dumps(found, indent=1), encoding="utf-8")
-    return found
-
-
-def _roads(task: Task) -> list[dict[str, Any]]:
-    """Returns what became of each road of the file."""
-    from rampcast.doctor import doctor
-    from rampcast.formats import read_all
-
-    plan = task.plan
-    recordings, report = read_all(
-        [task.file],
-        site=plan.site,
-        format=plan.format,
-        mapping=plan.mapping,
-        bad_rows="skip" if plan.skip_bad_rows else "raise",
-    )
-    if "doctor" in plan.do:
-        diagnosis = doctor(recordings, report)
-        with _whole(plan.out / "doctor" / f"{task.name}.json") as path:
-            path.write_text(json.dumps(diagnosis.to_dict(), indent=1), encoding="utf-8")
-        roads: list[RoadDiagnosis | None] = list(diagnosis.roads)
-    else:
-        roads = [None] * len(recordings)
-    accepted = [replace(one, is_accepted=plan.accept_doubtful) for one in recordings]
-    return [_road(task, one, about) for one, about in zip(accepted, roads, strict=True)]
-
-
-def _road(task: Task, recording: Recording, about: "RoadDiagnosis | None") -> dict[str, Any]:
-    """Writes what the plan asks of a road, and returns what a summary says of it."""
-    plan, day = task.plan, _day(recording)
-    place = Path(f"site={recording.site.name}") / f"day={day}" / f"file={task.name}"
-    facts: dict[str, Any] = {
-        "site": recording.site.name,
-        "day": day,
-        "vehicles": recording.tracks.select(c.RECORDING, c.VEHICLE).n_unique(),
-        "rows": recording.tracks.height,
-        "spoils": None if about is None else about.spoils,
-        "findings": None if about is None else len(about.findings),
-    }
-    files: list[Path] = []
-    if "convert" in plan.do:
-        check_believable(recording, doing=f"conversion of {task.file}")
-        files.append(Path("recordings") / place / "recording.parquet")
-        (plan.out / files[-1]).parent.mkdir(parents=True, exist_ok=True)
-        write_recording(recording, plan.out / files[-1])
-    if {"forecast", "evaluate"} & {*plan.do}:
-        folder = plan.out / "forecasts" / place
-        parts = load(plan.model).in_parts(recording, every=plan.every)
-        files += [path.relative_to(plan.out) for path in write_forecasts(parts.each, folder, suffixes=(".parquet",))]
-        if "evaluate" in plan.do:
-            files.append(Path("scores") / place / "scores.parquet")
-            with _whole(plan.out / files[-1]) as path:
-                beside = beside_truth(pl.scan_parquet(folder / "forecast.parquet"), recording)
-                errors_by(beside, ["model", "horizon"]).write_parquet(path)
-    return facts | {"files": [one.as_posix() for one in files]}
-
-
-def _day(recording: Recording) -> str:
-    """Returns the day on which a recording began, in UTC."""
-    if not recording.began:
-        return NO_DAY
-    return datetime.fromtimestamp(min(recording.began.values()), tz=UTC).date().isoformat()
-
-
-def _record(task: Task) -> dict[str, Any] | None:
-    try:
-        return dict(json.loads(task.record.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):  # none yet, or a damaged one: the task is done again
+        found = dict(json.loads(task.record.read_text(encoding="utf-8")))
+        there = all((task.plan.out / name).is_file() for road in found["roads"] for name in road["files"])
+    except (OSError, ValueError, TypeError, KeyError):  # none yet, or a damaged one: the task is done again
         return None
+    return found if there else None
 
 
-def _all_there(task: Task, record: Mapping[str, Any]) -> bool:
-    return all((task.plan.out / name).is_file() for road in record["roads"] for name in road["files"])
+def settings(plan: Plan) -> dict[str, Any]:
+    """Returns what a plan says beside where from and where to."""
+    return {name: value for name, value in asdict(plan).items() if name not in ("files", "out")}
+
+
+def digest(values: Mapping[str, Any], files: list[Path]) -> str:
+    """Returns the SHA-256 of values, this release, and the content of files."""
+    parts = [json.dumps(values, sort_keys=True, default=str), __version__, *map(sha256_of, files)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def reading_files(plan: Plan) -> list[Path]:
+    """Returns the files beside a recording's own that its reading depends on."""
+    return [*_files_of(plan.mapping), *_files_of(plan.site)]
+
+
+def model_files(plan: Plan) -> list[Path]:
+    """Returns the files of the model."""
+    return _files_of(str(PRETRAINED_FOLDER) if plan.model == PRETRAINED else plan.model)
 
 
 def _files_of(given: str | None) -> list[Path]:
     """Returns the files that a value of the plan names; none for a site that ships with rampcast."""
-    if given == PRETRAINED:
-        given = str(PRETRAINED_FOLDER)
     if given is None or not Path(given).exists():
         return []
     path = Path(given)
     return [path] if path.is_file() else sorted(one for one in path.iterdir() if one.is_file())
 
 
-def _whole(path: Path) -> Any:
+def whole(path: Path) -> Any:
+    """Gives a path to write a file to, whole or not at all, in a folder that is made if it is not there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_whole(path)
+
+
+def peak_memory() -> float | None:
+    """Returns the most memory that this process has had [MB]; None where the system is not Linux."""
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+    except OSError:
+        return None
+    found = next((line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")), None)
+    return None if found is None else round(int(found) / 1024, 1)

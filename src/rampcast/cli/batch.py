@@ -30,14 +30,20 @@ def batch(
     do: Annotated[str | None, typer.Option("--do", help="Of doctor,convert,forecast,evaluate. Default: all.")] = None,
     model: Annotated[str, typer.Option("--model", help="Folder of a model.")] = "pretrained",
     every: Every = 1.0,
+    window: Annotated[
+        float,
+        typer.Option(
+            "--window", min=0.0, help="Length of the parts that recordings are cut into \\[s]; 0: whole files."
+        ),
+    ] = 300.0,
     reading: Reading = Reading(),
     processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
     scheduler: Annotated[str | None, typer.Option("--scheduler", help="Address of a Dask scheduler.")] = None,
 ) -> None:
-    """Checks, converts, forecasts and scores many recordings, one task each; goes on where it was interrupted."""
+    """Checks, converts, forecasts and scores many recordings, part by part; goes on where it was interrupted."""
     from rampcast.batch import batch as run
 
-    plan = asked_plan(files, out, do, reading, {"model": model, "every": every})
+    plan = asked_plan(files, out, do, reading, {"model": model, "every": every, "window": window})
     with terminal.progress() as tell:
         found = run(plan, processes=processes, scheduler=scheduler, progress=tell)
     for name, reason in found.failed.select("file", "error").iter_rows():

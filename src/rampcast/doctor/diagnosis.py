@@ -160,8 +160,13 @@ def doctor(recording: Recording | Sequence[Recording], report: ReadReport | None
         roads = tuple(examine(one, report or one.report) for one in recordings)
         return Diagnosis(roads, (), report or (recordings[0].report if len(roads) == 1 else None))
     of_roads = [check for check in CHECKS if check.name not in reading.OF_FILES or check.name in reading.OF_ROWS]
+    return Diagnosis(tuple(examine(one, checks=of_roads) for one in recordings), examine_reading(report), report)
+
+
+def examine_reading(report: ReadReport) -> tuple[Finding, ...]:
+    """Returns what is wrong with files by what reading them found alone, in all of their roads together."""
     of_files = [(check, reading.in_files(report, check.name)) for check in CHECKS if check.name in reading.OF_FILES]
-    return Diagnosis(tuple(examine(one, checks=of_roads) for one in recordings), _judged(of_files)[0], report)
+    return _judged(of_files)[0]
 
 
 def examine(

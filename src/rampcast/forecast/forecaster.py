@@ -1,6 +1,6 @@
 """The forecaster: learns from recordings of a site how its vehicles drive and merge, and forecasts others of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -17,7 +17,7 @@ from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecasts import Forecasts, joined
 from rampcast.forecast.held_out import HeldOut, check_enough, held_out
-from rampcast.forecast.parts import in_batches, moment_parts
+from rampcast.forecast.parts import in_batches, moment_parts, parts_at
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, Progress, check_same_site, tell_nobody
 from rampcast.forecast.stages import stages_of
 from rampcast.horizon import FUTURE
@@ -135,6 +135,17 @@ class Forecaster:
         self.check(recording.site)
         check_believable(recording, doing="the forecast")
         return moment_parts(self._of_traffics, recording, every=every)
+
+    def at_times(self, recording: Recording, times: Mapping[str, Float[np.ndarray, "moment"]]) -> Parts:
+        """Returns what `in_parts` does, at those times [s] of the windows of a recording that may be part of a whole.
+
+        Args:
+            recording: with all rows of the 4 s before each time.
+            times: by name of the window.
+        """
+        self.check(recording.site)
+        check_believable(recording, doing="the forecast")
+        return parts_at(self._of_traffics, recording, times)
 
 
 def _check_states(traffic: Traffic) -> None:

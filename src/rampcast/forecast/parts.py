@@ -1,13 +1,13 @@
 """Forecasts of a recording part after part, and their files: memory does not grow with the number of moments."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import polars as pl
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rampcast.errors import RecordingError
 from rampcast.files import check_outputs, work_folder, write_outputs
@@ -36,20 +36,34 @@ def moment_parts(
     Raises:
         RecordingError: the raw recording is not there or shorter than 4 s, or `every` is not above 0.
     """
-    raw = recording.raw if recording.is_smoothed else recording
-    if raw is None:
-        raise RecordingError(NEEDS_RAW)
+    raw = _raw_of(recording)
     times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
-    total = sum(map(len, times.values()))
-    if not total:
+    if not sum(map(len, times.values())):
         raise RecordingError(f"{', '.join(raw.names)}: expected {SPAN:g} s of traffic or more, there are fewer")
+    return parts_at(predict, raw, times)
+
+
+def parts_at(
+    predict: Callable[[Sequence[Traffic]], list[Forecast]],
+    recording: Recording,
+    times: Mapping[str, Float[np.ndarray, "moment"]],
+) -> Parts:
+    """Returns the forecast of all vehicles of a recording at those times [s] of its windows; see `moment_parts`."""
+    raw = _raw_of(recording)
 
     def each() -> Iterator[Forecasts]:
         for window, moments in times.items():
             for forecast in in_batches(predict, traffic_at_times(raw, window, moments)):
                 yield forecast.reduced(recording=window)
 
-    return Parts(total, each())
+    return Parts(sum(map(len, times.values())), each())
+
+
+def _raw_of(recording: Recording) -> Recording:
+    raw = recording.raw if recording.is_smoothed else recording
+    if raw is None:
+        raise RecordingError(NEEDS_RAW)
+    return raw
 
 
 def in_batches(

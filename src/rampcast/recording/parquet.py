@@ -22,7 +22,7 @@ def read_head(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     Raises:
         FormatError: the file is damaged.
     """
-    with _refused(path):
+    with refusing_damage(path):
         return dict(pl.read_parquet_schema(path)), pl.read_parquet_metadata(path)
 
 
@@ -36,7 +36,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame
     Raises:
         FormatError: the file is damaged, or claims more rows than it can hold.
     """
-    with _refused(path):
+    with refusing_damage(path):
         rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
         size = path.stat().st_size
     if rows > MANY and rows > DENSEST * size:
@@ -44,12 +44,13 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame
             f"{path}: expected {DENSEST} rows a byte at most, found {rows:,} rows in {size:,} bytes. Is it damaged, or "
             "made to fill the memory?"
         )
-    with _refused(path):
+    with refusing_damage(path):
         return pl.read_parquet(path, columns=None if columns is None else list(columns))
 
 
 @contextmanager
-def _refused(path: Path) -> Iterator[None]:
+def refusing_damage(path: Path) -> Iterator[None]:
+    """Turns what a library says of a damaged file into a FormatError that names the file."""
     try:
         yield
     except DAMAGED as error:

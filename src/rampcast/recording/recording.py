@@ -163,10 +163,22 @@ def read_recording(path: Path) -> Recording:
         RecordingError: the file is not there, is no parquet file, or was not written by rampcast.
     """
     path = Path(path)
+    head, tracks = read_description(path), checked(path, read_table(path))
+    if tracks.is_empty():
+        raise RecordingError(f"{path}: a recording without rows; convert the original again")
+    return replace(head, tracks=tracks)
+
+
+def read_description(path: Path) -> Recording:
+    """Returns a recording without its rows: what its file says of site, time step, source and beginnings.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
     try:
-        _, metadata = read_head(path)
+        types, metadata = read_head(path)
     except FormatError as error:
         raise RecordingError(f"{path}: not a parquet file: {error}") from error
     if METADATA_KEY not in metadata:
@@ -175,7 +187,7 @@ def read_recording(path: Path) -> Recording:
             "--out recording.parquet`"
         )
     site, time_step, source, began = _described(path, metadata[METADATA_KEY])
-    return Recording(_checked(path, read_table(path)), site, time_step, source, began=began)
+    return Recording(checked(path, pl.DataFrame(schema=types)), site, time_step, source, began=began)
 
 
 def _described(path: Path, text: str) -> tuple[Site, float, str, dict[str, float]]:
@@ -199,8 +211,12 @@ def _described(path: Path, text: str) -> tuple[Site, float, str, dict[str, float
     )
 
 
-def _checked(path: Path, tracks: pl.DataFrame) -> pl.DataFrame:
-    """Returns the rows if they are as `write_recording` writes them."""
+def checked(path: Path, tracks: pl.DataFrame) -> pl.DataFrame:
+    """Returns rows of a file if they are as `write_recording` writes them.
+
+    Raises:
+        RecordingError: they are not.
+    """
     for name, kind in (c.SCHEMA | c.OPTIONAL_SCHEMA | c.SMOOTHED_SCHEMA).items():
         if name not in tracks.columns:
             found = "none" if name in c.SCHEMA else ""
@@ -210,8 +226,6 @@ def _checked(path: Path, tracks: pl.DataFrame) -> pl.DataFrame:
             raise RecordingError(
                 f"{path}: expected a column '{name}' of type {kind}, found {found}; convert the original again"
             )
-    if tracks.is_empty():
-        raise RecordingError(f"{path}: a recording without rows; convert the original again")
     blank = [name for name in c.SCHEMA if tracks[name].has_nulls()]
     wrong = blank or [name for name in (c.X, c.Y, c.LENGTH, c.WIDTH) if not tracks[name].is_finite().all()]
     if wrong:

@@ -119,12 +119,16 @@ def moments(recording: Recording, *, every: float = 1.0, window: str | None = No
 
 def moment_times(recording: Recording, *, every: float = 1.0, window: str | None = None) -> Float[np.ndarray, "moment"]:
     """Returns the times of `moments` [s]; see there."""
+    frames = _window(recording, window).tracks[c.FRAME].to_numpy()
+    return times_between(frames.min() * recording.time_step, frames.max() * recording.time_step, every=every)
+
+
+def times_between(first: float, last: float, *, every: float) -> Float[np.ndarray, "moment"]:
+    """Returns the times of `moments` [s] of a window whose first and last rows are at these times [s]."""
     if not every > 0:
         raise RecordingError(f"expected a time above 0 s between two moments, got {every:g} s")
-    frames = _window(recording, window).tracks[c.FRAME].to_numpy()
-    first = np.ceil((frames.min() * recording.time_step + SPAN) / every - SAME_STEP)
-    last = np.floor(frames.max() * recording.time_step / every + SAME_STEP)
-    return np.arange(first, last + 1) * every
+    begin, end = np.ceil((first + SPAN) / every - SAME_STEP), np.floor(last / every + SAME_STEP)
+    return np.arange(begin, end + 1) * every
 
 
 def traffic_at_times(recording: Recording, window: str | None, times: Float[np.ndarray, "moment"]) -> Iterator[Traffic]:

@@ -1,0 +1,82 @@
+"""What is given away: a source distribution and a wheel that an index takes, and a conda recipe that says the same."""
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+PROJECT = Path(__file__).parents[1]
+OTHER_NAMES = {
+    "matplotlib": "matplotlib-base",
+    "tzdata": "python-tzdata",
+    "lazy-loader": "lazy_loader",
+}  # in conda-forge
+REQUIREMENT = re.compile(r"([\w-]+)\s*(.*)")
+
+
+def described() -> dict[str, Any]:
+    return tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def recipe() -> dict[str, Any]:
+    found: dict[str, Any] = yaml.safe_load((PROJECT / "deploy/conda/recipe.yaml").read_text(encoding="utf-8"))
+    return found
+
+
+def versions(requirements: list[str]) -> dict[str, str]:
+    """Returns what each requirement of a list says of the version, by name."""
+    return dict(REQUIREMENT.fullmatch(one).groups() for one in requirements)  # type: ignore[union-attr]
+
+
+def test_the_conda_recipe_has_the_version_the_command_and_the_dependencies_of_the_project():
+    project, conda = described()["project"], recipe()
+    assert conda["context"]["version"] == project["version"]
+    assert conda["about"]["summary"] == project["description"]
+    assert conda["build"]["python"]["entry_points"] == [f"rampcast = {project['scripts']['rampcast']}"]
+    wanted = {OTHER_NAMES.get(name, name): version for name, version in versions(project["dependencies"]).items()}
+    wanted["python"] = project["requires-python"]
+    assert versions(conda["requirements"]["run"]) == wanted
+    backend = versions(described()["build-system"]["requires"])
+    assert versions(conda["requirements"]["host"]) == backend | {"python": project["requires-python"], "pip": ""}
+
+
+def test_no_address_is_told_that_there_is_not():
+    assert "urls" not in described()["project"]  # there is no public one yet; CONTRIBUTING.md says so
+
+
+@pytest.mark.skipif(not find_spec("rattler_build"), reason="needs the extra [dist]: `make dist`")
+def test_the_tool_that_builds_conda_packages_understands_the_recipe():
+    from rattler_build import RenderConfig, Stage0Recipe, VariantConfig
+
+    read = Stage0Recipe.from_file(str(PROJECT / "deploy/conda/recipe.yaml"))
+    (rendered,) = read.render(VariantConfig(), RenderConfig())
+    assert (rendered.recipe.package.name, rendered.recipe.package.version) == (
+        "rampcast",
+        described()["project"]["version"],
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (find_spec("build") and find_spec("twine")), reason="needs the extra [dist]: `make dist`")
+def test_an_index_would_take_the_source_distribution_and_the_wheel(tmp_path):
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(tmp_path), str(PROJECT)]
+    subprocess.run(command, check=True, capture_output=True)
+    made = sorted(tmp_path.iterdir())
+    assert [path.suffix for path in made] == [".whl", ".gz"]
+    checked = subprocess.run(
+        [sys.executable, "-m", "twine", "check", "--strict", *made], capture_output=True, text=True
+    )
+    assert checked.returncode == 0, checked.stdout
+    names = set(zipfile.ZipFile(made[0]).namelist())
+    assert {
+        "rampcast/batch/page.html.j2",
+        "rampcast/pages/batch.md",
+        "rampcast/forecast/pretrained/model.json",
+    } <= names
