@@ -104,7 +104,7 @@ def plain_loop(forecaster: Forecaster, beginning) -> None:
     hazard = np.array([*model.hazard.weights, model.hazard.constant, model.hazard.first, model.hazard.last])
     numbers = np.array([0.9, 0.2, 1 / 20.0, 0.1, 0.5, 0.5, 0.4, 0.1, model.limit])
     noise = rng.standard_normal((SMALL, FEW, FUTURE))
-    draws = Draws(noise, rng.exponential(size=(SMALL, FEW)), rng.exponential(size=(SMALL, FEW)))
+    draws = Draws(noise, rng.exponential(size=(SMALL, FEW)), rng.exponential(size=(SMALL, FEW)), np.ones(FEW))
     driver, rate = rng.integers(0, 64, (SMALL, FEW)), np.ones((SMALL, FUTURE))
     learned = Law(model.main.table, free_table(model.main.table), numbers, hazard)
     for sample in range(FEW):

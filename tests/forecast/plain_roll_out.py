@@ -41,6 +41,7 @@ class Plain:
         self.start, self.learned, self.rate, self.may = start, learned, rate, may
         self.noise = [draws.noise[row, sample].tolist() for row in start.draw]
         self.threshold = [float(draws.threshold[row, sample]) for row in start.draw]
+        self.pace = float(draws.pace[sample])
         self.change = [float(draws.change[row, sample]) for row in start.draw]
         self.vehicles = [
             Vehicle(
@@ -124,7 +125,7 @@ class Plain:
             if not room or into < 0.0:
                 continue
             logit = float(hazard[-3] + hazard[:-3] @ seen)
-            one.gathered += math.log1p(math.exp(min(logit, 30.0))) * self.rate[one.row, k]
+            one.gathered += math.log1p(math.exp(min(logit, 30.0))) * self.rate[one.row, k] * self.pace
             if self.may[one.row] and one.gathered >= self.threshold[one.row]:
                 self.put(one, to, ahead, behind)
 

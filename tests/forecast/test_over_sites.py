@@ -12,12 +12,14 @@ from rampcast.cli.training import train_over_sites
 from rampcast.errors import RampcastError, RecordingError
 from rampcast.forecast import over_sites
 from rampcast.forecast.over_sites import fit_sites, scores_table
+from rampcast.forecast.populations import populations_table
 from rampcast.forecast.storage import load
 from rampcast.models.correction import KNOTS
 from rampcast.paper.laws.mode import Mode
 from rampcast.recording import clean, write_recording
 from tests.contract.conftest import SPEC
 from tests.made_up_traffic import random_traffic
+from tests.model_folders.make import FORM_FOLDER
 
 
 def at_site(name: str, seed: int):
@@ -98,4 +100,14 @@ def test_the_command_writes_a_model_of_any_site_and_a_table_of_sites(tmp_path, c
     train_over_sites(files, out, Reading(), SPEC, None, None)
     assert load(out).site is None
     assert pl.read_csv(out / "sites.csv")["site"].n_unique() == 2
-    assert "north, by the other sites" in capsys.readouterr().out
+    differ = pl.read_csv(out / "between_sites.csv")
+    assert differ["site"].unique().sort().to_list() == ["north", "south"]
+    assert differ["what"].unique(maintain_order=True).to_list()[0] == "drivers of main lanes"
+    assert differ.equals(populations_table(load(out).model.base.sites).with_columns(pl.selectors.float().round(4)))
+    said = capsys.readouterr().out
+    assert "north, by the other sites" in said
+    assert "drivers of main lanes: value of each site, and how much of it is the others'" in said
+
+
+def test_a_model_folder_of_before_is_read_and_says_nothing_of_sites():
+    assert load(FORM_FOLDER / "rampcast").model.base.sites is None

@@ -38,6 +38,7 @@ def test_the_compiled_roll_out_is_what_a_plain_loop_makes_of_it(seed):
         rng.standard_normal((6, SAMPLES, FUTURE)).astype(np.float32),
         rng.exponential(size=(6, SAMPLES)),
         rng.exponential(size=(6, SAMPLES)),
+        rng.lognormal(size=SAMPLES),
     )
     start = beginning.start._replace(draw=np.arange(6), residual=rng.normal(0.0, 0.3, 6))
     hazard = np.array([*made.hazard.weights, made.hazard.constant, made.hazard.first, made.hazard.last])

@@ -5,8 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rampcast.models.between_sites import Estimate
 from rampcast.models.disturbance import fit_disturbance, residuals_now
-from rampcast.models.drivers import DriverPrior, behind_leader, fit_drivers, posterior, posteriors, with_habit
+from rampcast.models.drivers import (
+    SCATTERING,
+    DriverPrior,
+    behind_leader,
+    driver_evidence,
+    fit_drivers,
+    posterior,
+    posteriors,
+    with_habit,
+)
 from rampcast.models.platoon_head import KEPT, fit_head
 from rampcast.models.pooled_driver import fit_pooled_driver
 from rampcast.traffic.merge_scenes import without_target
@@ -159,3 +169,40 @@ def test_a_head_that_goes_on_to_its_desired_speed_is_found_to():
     found = fit_head(np.array(DRIVER), made.platoons, made.truth, np.stack(places, axis=1))
     assert (found.relaxation, found.free) == (KEPT, 0.25)
     assert found.noise < 1e-3
+
+
+def vehicles_of(count: int, each: int) -> np.ndarray:
+    return np.arange(count) // each
+
+
+def test_what_vehicles_say_of_their_law_is_what_it_is_and_the_more_the_more_there_are():
+    made = drive(120, noise=0.1)
+    few = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(120, 6))
+    many = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(120, 1))
+    np.testing.assert_allclose(many.precision, 6.0 * few.precision)
+    own, true = np.linalg.solve(many.precision, many.information), np.append(np.log(DRIVER), 0.0)
+    off = (own - true) / np.sqrt(np.diag(np.linalg.inv(many.precision)))
+    assert np.abs(off).max() < 3.0
+    assert np.sqrt(np.diag(np.linalg.inv(many.precision)))[:2].max() < 0.5
+
+
+def test_too_few_vehicles_say_nothing():
+    made = drive(12)
+    nothing = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(12, 1))
+    assert not nothing.precision.any()
+    assert not nothing.information.any()
+
+
+def test_about_a_centre_that_is_known_drivers_are_those_of_today_and_about_a_doubtful_one_they_scatter_more():
+    made = drive(120, scatter=0.1)
+    own = fit_drivers(made.platoons, made.truth, made.leader_truth)
+    at = np.append(np.log(own.centre), own.habit)
+    known = Estimate(at, np.zeros(len(at)), np.zeros(len(at)))
+    same = fit_drivers(made.platoons, made.truth, made.leader_truth, about=known)
+    assert (same.scatter, same.independence) == (own.scatter, own.independence)
+    np.testing.assert_allclose(same.drivers, own.drivers)
+    doubtful = Estimate(at, np.full(len(at), 0.4), np.ones(len(at)))
+    wide = fit_drivers(made.platoons, made.truth, made.leader_truth, about=doubtful)
+    for prior, unknown in ((same, 0.0), (wide, 0.4)):
+        scatter = np.log(prior.drivers[:, :SCATTERING]).std(axis=0)
+        np.testing.assert_allclose(scatter, np.hypot(prior.scatter, unknown), rtol=0.05)

@@ -10,6 +10,7 @@ from rampcast.models.merge_forest import (
     _filled,
     _forest,
     _merged_by,
+    _out_of_fold,
     _predict,
     fit_merge_forest,
     rate_of,
@@ -64,6 +65,18 @@ def test_arrays_predict_as_scikit_learn_does(made):
     np.testing.assert_allclose(
         _predict(_as_arrays(fitted, np.zeros(table.shape[1])), table), fitted.predict(_filled(table)), atol=1e-6
     )
+
+
+def test_what_is_seen_of_a_fold_under_test_moves_no_forecast_of_another_row(made):
+    """Neither its outcomes nor its features, from which the width of soft splits is taken."""
+    table, *_ = made
+    rng = np.random.default_rng(3)
+    merged = np.maximum.accumulate(rng.random((300, len(MOMENTS))) < 0.1, axis=1).astype(float)
+    train, test = np.arange(100, 300), np.arange(100)
+    wide = table.copy()
+    wide[test[1:]] *= 50.0
+    same = [_out_of_fold(one, merged, np.ones(300), [(train, test)], 1)[0] for one in (table, wide)]
+    np.testing.assert_array_equal(*same)
 
 
 def test_who_leaves_before_counts_as_the_roll_outs_say():

@@ -12,6 +12,7 @@ from rampcast.models.merging import (
     RARE,
     UNKNOWN_OFFSET,
     fit_merge_hazard,
+    merge_periods,
     merge_zone,
     person_periods,
 )
@@ -82,7 +83,7 @@ def test_a_known_hazard_is_found_again():
     change = np.where(merges.any(axis=1), (merges.argmax(axis=1) + 1) * 0.2, np.nan)
     seen_for = np.where(rng.random(2000) < 0.5, 5.0, 15.0)
     change[change > seen_for] = np.nan
-    found = fit_merge_hazard(features, change, seen_for)
+    found = fit_merge_hazard(merge_periods(features, change, seen_for), change, seen_for)
     assert found.constant == pytest.approx(-3.0, abs=0.15)
     assert found.weights[0] == pytest.approx(2.0, abs=0.1)
     assert np.abs(found.weights[1:]).max() < 0.15
@@ -94,7 +95,8 @@ def test_steps_in_which_nobody_can_merge_do_not_count():
     can = rng.random((1500, 1, STEPS)) < 0.5
     merges = can[:, 0] & (rng.random((1500, STEPS)) < 0.1)
     change = np.where(merges.any(axis=1), (merges.argmax(axis=1) + 1) * 0.2, np.nan)
-    found = fit_merge_hazard(features, change, np.full(1500, 15.0), may=can)
+    seen_for = np.full(1500, 15.0)
+    found = fit_merge_hazard(merge_periods(features, change, seen_for, may=can), change, seen_for)
     assert 1.0 / (1.0 + np.exp(-found.constant)) == pytest.approx(0.1, abs=0.01)
 
 
@@ -103,9 +105,12 @@ def test_of_a_few_merges_it_is_learned_how_often_they_are():
     change = np.full(50, np.nan)
     change[: LEAST_EVENTS - 1] = 3.0
     seen_for = np.full(50, 15.0)
-    found = fit_merge_hazard(np.ones((50, 1, STEPS, FEATURES)), change, seen_for, zone=(200.0, 10.0))
+    features = np.ones((50, 1, STEPS, FEATURES))
+    periods = merge_periods(features, change, seen_for)
+    found = fit_merge_hazard(periods, change, seen_for, zone=(200.0, 10.0))
     assert (found.first, found.last) == (200.0, 10.0)
     assert 1.0 / (1.0 + np.exp(-found.constant)) == pytest.approx(9 / 3210)
-    nobody = fit_merge_hazard(np.ones((50, 1, STEPS, FEATURES)), np.full(50, np.nan), seen_for)
+    never = np.full(50, np.nan)
+    nobody = fit_merge_hazard(merge_periods(features, never, seen_for), never, seen_for)
     assert nobody.constant == RARE
     np.testing.assert_array_equal(found.weights, 0.0)

@@ -30,8 +30,15 @@ from rampcast.recording import clean
 from rampcast.simulate.shipped import shipped_sample
 from rampcast.traffic.situation import situation_of_scenes
 
-SETS: Final = ("i80_pairs_three_windows", "i80_car_following_pairs", "i75_platoon", "i24_scene", "us101_excerpts",
-               "us101_ramp_merges")  # fmt: skip
+SITES: Final = {
+    "i80_pairs_three_windows": "i80",
+    "i80_car_following_pairs": "i80",
+    "i75_platoon": "i75",
+    "i24_scene": "i24",
+    "us101_excerpts": "us101",
+    "us101_ramp_merges": "us101",
+}  # the data sets, and where each was recorded
+SIMULATED: Final = "simulated"
 MOST_OF_SET: Final = 3000  # cases: no road shall drown the others
 SPACING: Final = 5.0  # [s] between training moments of simulated windows
 TRAINING_WINDOWS: Final = (0, 2)  # of the simulated ones: the benchmark tests on the other
@@ -43,7 +50,7 @@ PROVENANCE: Final = "provenance.json"
 def main() -> None:
     """Writes the pretrained model into the package, with its provenance and scores."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default_folder()
-    parts = dict(_parts(folder))
+    parts = dict(parts_of(folder))
     training = joined_training(list(parts.values()))
     model = fit_calibrated(training, spec=SPEC, tell=lambda done, total: print(f"stage {done} of {total}", flush=True))
     digests = tuple(_digest(part) for part in parts.values())
@@ -84,18 +91,20 @@ def training_of_cases(cases: Cases, number: int) -> Training:
     )
 
 
-def _parts(folder: Path) -> Iterator[tuple[str, Training]]:
+def parts_of(folder: Path) -> Iterator[tuple[str, Training]]:
+    """Yields the training vehicles of each data set, with its name."""
     for window in TRAINING_WINDOWS:  # first: their rate of lane changes counts
         file = shipped_sample()[window]
         recording, _ = clean(read_any([file])[0])
         found = training_of(recording, spacing=SPACING, tell=lambda done, total: tell_nobody("", done, total))
         group = np.array([f"{window}-{name}" for name in found.group.tolist()])
-        yield file.stem, replace(found, group=group)
-    for number, name in enumerate(SETS, start=1):
+        yield file.stem, replace(found, group=group, site=np.full(len(found), SIMULATED))
+    for number, name in enumerate(SITES, start=1):
         data_set = DATA_SETS[name]
         train, _ = split(data_set.read(data_set.find(folder))).parts[0]
         some = np.flatnonzero(train.longitudinal)
-        yield name, training_of_cases(train.select(some[:: -(-len(some) // MOST_OF_SET)]), number)
+        found = training_of_cases(train.select(some[:: -(-len(some) // MOST_OF_SET)]), number)
+        yield name, replace(found, site=np.full(len(found), SITES[name]))
 
 
 def _digest(training: Training) -> str:
@@ -103,7 +112,7 @@ def _digest(training: Training) -> str:
 
 
 def _scores(forecaster: Forecaster, folder: Path) -> Iterator[tuple[str, dict[str, list[float | None]]]]:
-    for number, name in enumerate(SETS, start=1):
+    for number, name in enumerate(SITES, start=1):
         data_set = DATA_SETS[name]
         _, test = split(data_set.read(data_set.find(folder))).parts[0]
         some = training_of_cases(test.select(test.longitudinal), number)

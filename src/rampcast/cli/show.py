@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rampcast.doctor import Diagnosis, Finding, RoadDiagnosis, Summary
     from rampcast.download import Download
     from rampcast.forecast.held_out import HeldOut
-    from rampcast.forecast.over_sites import SiteScore
     from rampcast.forecast.protocol import Progress as Tell
     from rampcast.formats import ReadReport
     from rampcast.recording import CleaningReport, Recording
@@ -157,19 +156,6 @@ def print_held_out(score: "HeldOut | None") -> None:
     for knot, trained, start, steady, share in zip(KNOTS.tolist(), *columns, strict=True):
         table.add_row(f"{(knot + 1) * STEP:g}", f"{trained:.2f}", f"{start:.2f}", f"{steady:.2f}", f"{share:.0%}")
     output.print(table)
-
-
-def print_site_scores(scores: "Sequence[SiteScore]") -> None:
-    """Prints how well each site is forecast by what all others taught."""
-    from rampcast.horizon import STEP
-    from rampcast.models.correction import KNOTS
-
-    heads = ("horizon [s]", "error [m]", "constant speed [m]", "90 % band holds")
-    for score in scores:
-        table = titled(f"{score.site}, by the other sites: {score.vehicles:,} forecasts", heads, numbers=heads)
-        for knot, error, steady, share in zip(KNOTS.tolist(), score.error, score.steady, score.coverage, strict=True):
-            table.add_row(f"{(knot + 1) * STEP:g}", f"{error:.2f}", f"{steady:.2f}", f"{share:.0%}")
-        output.print(table)
 
 
 def print_json(values: Mapping[str, Any]) -> None:

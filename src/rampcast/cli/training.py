@@ -13,6 +13,8 @@ from rampcast.errors import RampcastError
 from rampcast.paper.laws.mode import Mode
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
     from rampcast.forecast.protocol import Progress, RecordingForecaster
     from rampcast.paper.framework import PaperSpec
@@ -96,13 +98,14 @@ def train_over_sites(
     start: "Forecaster | None",
     paper: Mode | None,
 ) -> None:
-    """Trains a forecaster of any site, and writes how well each site is forecast by the others.
+    """Trains a forecaster of any site, and writes how well each site is forecast by the others, and how they differ.
 
     Raises:
         RampcastError: the paper's framework is asked for, which is of one site.
     """
-    from rampcast.files import write_whole
+    from rampcast.cli.site_tables import print_differences, print_site_scores
     from rampcast.forecast.over_sites import fit_sites, scores_table
+    from rampcast.forecast.populations import Populations, populations_table
     from rampcast.forecast.storage import save
     from rampcast.models.folder import STAGES
 
@@ -112,10 +115,20 @@ def train_over_sites(
         sites = [read_smoothed([file], reading) for file in files]
         model, scores = fit_sites(sites, spec=spec, start=start, kept=out / STAGES, progress=tell)
         save(model, out)
-    with write_whole(out / "sites.csv") as new:
-        scores_table(scores).write_csv(new, float_precision=4)
+    differences = populations_table(model.model.base.sites or Populations())
+    for name, table in {"sites.csv": scores_table(scores), "between_sites.csv": differences}.items():
+        write_csv(table, out / name)
     terminal.say(f"wrote the model to {out}, trained on {', '.join(model.trained_on)}; it forecasts any site")
-    terminal.print_site_scores(scores)
+    print_site_scores(scores)
+    print_differences(differences)
+
+
+def write_csv(table: "pl.DataFrame", file: Path) -> None:
+    """Writes a table, whole or not at all."""
+    from rampcast.files import write_whole
+
+    with write_whole(file) as new:
+        table.write_csv(new, float_precision=4)
 
 
 def started(start: str) -> "Forecaster | None":

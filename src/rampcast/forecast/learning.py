@@ -7,16 +7,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
+from rampcast.forecast.populations import Populations, driver_population, hazard_population
 from rampcast.forecast.roll_out import Beginning, Manners, RollOut, begin, drive, drive_waiting
 from rampcast.horizon import FUTURE, STEP, WHOLE_SECONDS
+from rampcast.models.between_sites import Population
 from rampcast.models.disturbance import fit_disturbance
-from rampcast.models.drivers import DriverPrior, fit_drivers
+from rampcast.models.drivers import DriverPrior, driver_evidence, fit_drivers
 from rampcast.models.folds import Fold, time_folds
 from rampcast.models.merge_features import merge_columns
 from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
-from rampcast.models.merging import LEAST_EVENTS, NEVER, fit_merge_hazard, merge_zone
+from rampcast.models.merging import LEAST_EVENTS, NEVER, MergeHazard, fit_merge_hazard, merge_periods, merge_zone
 from rampcast.models.platoon_head import fit_head
 from rampcast.models.pooled_driver import LEAST_CASES
+from rampcast.models.site_hazards import HazardPopulation
 from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import MergeScenes
 from rampcast.traffic.platoons import HISTORY
@@ -52,6 +55,7 @@ class Training:
         group: name of the vehicle, which begins with the number of its window; see `time_folds`.
         t0: the moment in its window's clock [s]; NaN without a clock.
         change_rate: of lane changes between main lanes [1/s].
+        site: name of the site of each; None if all are of one.
     """
 
     situation: Situation
@@ -64,6 +68,7 @@ class Training:
     group: Shaped[np.ndarray, "row"]
     t0: Float[np.ndarray, "row"]
     change_rate: float = 0.0
+    site: Shaped[np.ndarray, "row"] | None = None
 
     def __len__(self) -> int:
         return len(self.vehicle)
@@ -104,11 +109,14 @@ class Base:
         roll_out: see there.
         forest: how likely vehicles like each merge by each moment; None where nobody merges.
         seed: of the samples.
+        sites: how sites differ, as far as those tell that it, or what it started from, was trained on; None if nobody
+            looked, as in folders of before.
     """
 
     roll_out: RollOut
     forest: MergeForest | None
     seed: int
+    sites: Populations | None = None
 
 
 def joined_training(parts: Sequence[Training]) -> Training:
@@ -132,19 +140,21 @@ def joined_training(parts: Sequence[Training]) -> Training:
 def fit_base(training: Training, *, seed: int, start: Base | None = None) -> Base:
     """Returns the roll-out, and its forest, that the training vehicles teach.
 
+    Of vehicles of several sites it is that of a site which nobody has recorded; see `between_sites`.
+
     Args:
         training: see there.
         seed: of samples and trees.
-        start: whose drivers, or whose hazard and forest, are taken where too few vehicles follow, or merge; None for
-            those of a driver of the literature, and for nobody who merges.
+        start: whose drivers, or whose hazard and forest, are taken where too few vehicles follow, or merge, and to
+            whose mean of sites drivers and hazard are drawn; None for those of a driver of the literature, and for
+            nobody who merges.
     """
     scenes, truth, leader_truth = training.scenes, training.in_lane, training.leader_truth
-    ramp = np.flatnonzero(scenes.may_merge)
-    main = np.flatnonzero(~scenes.may_merge) if len(ramp) < len(scenes) else ramp
-    prior, of_ramp = _priors(training, main, ramp)
-    own = scenes.own.select(main)
     if start is not None and (scenes.own.depth > 0).sum() < LEAST_CASES:
         return start
+    prior, of_ramp, sites = _priors(training, start)
+    main = _main_rows(training)
+    own = scenes.own.select(main)
     model = RollOut(
         main=prior,
         ramp=of_ramp,
@@ -156,40 +166,91 @@ def fit_base(training: Training, *, seed: int, start: Base | None = None) -> Bas
     )
     merging = np.flatnonzero(training.merging)
     merges = len(set(training.group[merging][np.isfinite(training.change_time[merging])].tolist()))
+    some = training.select(merging[:: -(-len(merging) // MOST_SCENES)]) if len(merging) else None
     if start is not None and merges < LEAST_EVENTS:
-        return Base(replace(model, hazard=start.roll_out.hazard), start.forest, seed)
-    if not len(merging):
-        return Base(model, None, seed)
-    some = training.select(merging[:: -(-len(merging) // MOST_SCENES)])
-    model = _with_manners(_with_hazard(model, some, seed), training, seed)
-    return Base(model, _forest(model, some, seed), seed)
+        return Base(replace(model, hazard=_hazard_of_few(model, some, seed, start)), start.forest, seed, _known(sites))
+    if some is None:
+        return Base(model, None, seed, _known(sites))
+    model, hazards = _with_hazard(model, some, seed, sites.hazard)
+    model = _with_manners(model, training, seed)
+    return Base(model, _forest(model, some, seed), seed, _known(replace(sites, hazard=hazards)))
 
 
-def _priors(
-    training: Training, main: Int[np.ndarray, "main_row"], ramp: Int[np.ndarray, "ramp_row"]
-) -> tuple[DriverPrior, DriverPrior]:
-    """Returns the drivers of main lanes and of the ramp; the same where too few were seen there."""
+def _known(sites: Populations) -> Populations | None:
+    return sites if sites != Populations() else None
 
-    def fitted(rows: Int[np.ndarray, "row"]) -> DriverPrior:
-        return fit_drivers(training.scenes.own.select(rows), training.in_lane[rows], training.leader_truth[rows])
 
-    prior = fitted(main)
+def _main_rows(training: Training) -> Int[np.ndarray, "main_row"]:
+    """Returns the vehicles of main lanes; all, if there is none."""
+    ramp = training.scenes.may_merge
+    return np.flatnonzero(~ramp) if not ramp.all() else np.flatnonzero(ramp)
+
+
+def _priors(training: Training, start: Base | None) -> tuple[DriverPrior, DriverPrior, Populations]:
+    """Returns the drivers of main lanes and of the ramp, and how sites differ.
+
+    Those of the ramp are those of main lanes where too few were seen there, and nothing is known of other sites' ramps.
+    """
+    before = Populations() if start is None or start.sites is None else start.sites
+    like = (None, None) if start is None else (start.roll_out.main, start.roll_out.ramp)
+    main, ramp = _main_rows(training), np.flatnonzero(training.scenes.may_merge)
+    prior, of_main = _drivers(training, main, before.main, like[0])
     led = training.scenes.own.depth[ramp] > 0
-    enough = len(main) != len(ramp) and led.sum() >= LEAST_RAMP
-    return prior, fitted(ramp) if enough else prior
+    if len(ramp) == len(training) or (led.sum() < LEAST_RAMP and before.ramp is None):
+        return prior, prior, replace(before, main=of_main)
+    ramp_prior, of_ramp = _drivers(training, ramp, before.ramp, like[1])
+    return prior, ramp_prior, replace(before, main=of_main, ramp=of_ramp)
 
 
-def _with_hazard(model: RollOut, training: Training, seed: int) -> RollOut:
-    """Returns the roll-out with the hazard of the training vehicles, all of which may merge."""
+def _drivers(
+    training: Training, rows: Int[np.ndarray, "chosen"], before: Population | None, like: DriverPrior | None
+) -> tuple[DriverPrior, Population | None]:
+    """Returns the drivers that some vehicles show, and how sites differ in them: from these, or as known before."""
+    vehicles = (training.scenes.own.select(rows), training.in_lane[rows], training.leader_truth[rows])
+    group, population = training.group[rows], None
+    if training.site is not None:
+        population = driver_population(*vehicles, site=training.site[rows], vehicle=group)
+    if population is not None:
+        return fit_drivers(*vehicles, about=population.site(), like=like), population
+    if before is not None:
+        about = before.site(driver_evidence(*vehicles, group))
+        return fit_drivers(*vehicles, about=about, like=like), before
+    return fit_drivers(*vehicles), None
+
+
+def _with_hazard(
+    model: RollOut, training: Training, seed: int, before: HazardPopulation | None
+) -> tuple[RollOut, HazardPopulation | None]:
+    """Returns the roll-out with the hazard of the training vehicles, all of which may merge, and how sites differ."""
     scenes, change_time, seen_for = training.scenes, training.change_time, training.seen_for
     zone = merge_zone(scenes.to_end, training.truth, change_time)
-    model = replace(model, hazard=replace(NEVER, first=zone[0], last=zone[1]))
+    model, population = replace(model, hazard=replace(NEVER, first=zone[0], last=zone[1])), None
     situation = situation_of_scenes(scenes)
     for _ in range(PASSES):
         seen = drive_waiting(model, begin(model, situation), samples=LEARNING_SAMPLES, seed=seed)
-        hazard = fit_merge_hazard(seen.seen, change_time, seen_for, may=seen.can, zone=zone)
+        periods = merge_periods(seen.seen, change_time, seen_for, may=seen.can)
+        hazard = fit_merge_hazard(periods, change_time, seen_for, zone=zone)
+        if training.site is not None:
+            population = hazard_population(periods, hazard, site=training.site, vehicle=training.group)
+        if population is not None:
+            hazard = population.hazard(population.parameters.site(), zone)
+        elif before is not None:
+            hazard = before.hazard(before.parameters.site(before.evidence(periods, training.group)), zone)
         model = replace(model, hazard=hazard)
-    return model
+    return model, population or before
+
+
+def _hazard_of_few(model: RollOut, training: Training | None, seed: int, start: Base) -> MergeHazard:
+    """Returns the hazard of a site that shows few merges: near that of other sites, where these were told apart."""
+    hazard, before = start.roll_out.hazard, None if start.sites is None else start.sites.hazard
+    if before is None or training is None:
+        return hazard
+    model = replace(model, hazard=hazard)
+    beginning = begin(model, situation_of_scenes(training.scenes))
+    seen = drive_waiting(model, beginning, samples=LEARNING_SAMPLES, seed=seed)
+    periods = merge_periods(seen.seen, training.change_time, training.seen_for, may=seen.can)
+    estimate = before.parameters.site(before.evidence(periods, training.group))
+    return before.hazard(estimate, (hazard.first, hazard.last))
 
 
 def _with_manners(model: RollOut, training: Training, seed: int) -> RollOut:

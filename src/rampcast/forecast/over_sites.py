@@ -142,7 +142,8 @@ def _training(recordings: Sequence[Recording], spacing: float, tell: Progress) -
     """Returns the vehicles of one site."""
     parts = [training_of(one, spacing=spacing, tell=partial(tell, f"moments of {one.site.name}")) for one in recordings]
     found = _together(parts)
-    return found.select(np.arange(len(found))[:: -(-len(found) // MOST_OF_SITE)])
+    found = found.select(np.arange(len(found))[:: -(-len(found) // MOST_OF_SITE)])
+    return replace(found, site=np.full(len(found), recordings[0].site.name))
 
 
 def _together(parts: Sequence[Training]) -> Training:

@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.special import ndtri
 
 from rampcast.forecast.roll_out_arrays import Draws, Law, Start
 from rampcast.horizon import FUTURE, STEP
@@ -175,7 +176,10 @@ def drive_average(model: RollOut, beginning: Beginning) -> Float[np.ndarray, "ve
     start = beginning.start._replace(residual=np.zeros_like(beginning.start.residual))
     count = len(beginning.weights)
     still = Draws(
-        np.zeros((FEW_ROWS, 1, FUTURE), np.float32), np.full((FEW_ROWS, 1), np.inf), np.full((FEW_ROWS, 1), np.inf)
+        np.zeros((FEW_ROWS, 1, FUTURE), np.float32),
+        np.full((FEW_ROWS, 1), np.inf),
+        np.full((FEW_ROWS, 1), np.inf),
+        np.ones(1),
     )
     average = np.concatenate([with_habit(one.centre[None], one.habit) for one in (model.main, model.ramp)])
     found = _filled(
@@ -205,6 +209,7 @@ def _driven(
 ) -> Driven:
     rows = FEW_ROWS if beginning.start.draw.max(initial=0) < FEW_ROWS else ROWS_OF_DRAWS
     draws, order = _draws(rows, samples, seed)
+    draws = draws._replace(pace=draws.pace**model.hazard.unknown)
     drivers = np.concatenate([model.main.table, model.ramp.table])
     driver = drawn_drivers(beginning.weights, order[beginning.start.draw])
     driver += np.where(beginning.situation.merging, len(model.main.drivers), 0)[:, None]
@@ -296,8 +301,12 @@ def _numbers(model: RollOut) -> Float[np.ndarray, "number"]:
 
 @lru_cache(maxsize=4)  # of the last few seeds and numbers of samples: they take longer to draw than a forecast
 def _draws(rows: int, samples: int, seed: int) -> tuple[Draws, Int[np.ndarray, "row sample"]]:
-    """Returns noise with mean zero over the samples, stratified thresholds (unit exponential), orders of drivers."""
-    ordering, merging, changing, driving = np.random.default_rng(seed).spawn(4)  # so that few rows begin as many do
+    """Returns noise with mean zero over the samples, and orders of drivers; thresholds and paces are stratified.
+
+    Thresholds have a unit exponential distribution, logarithms of paces a unit normal one.
+    """
+    generators = np.random.default_rng(seed).spawn(5)
+    ordering, merging, changing, driving, pacing = generators  # so that few rows begin as many do
     share = (np.arange(samples) + 0.5) / samples
     order = np.stack([ordering.permutation(samples) for _ in range(rows)])
     threshold, change = (
@@ -305,7 +314,7 @@ def _draws(rows: int, samples: int, seed: int) -> tuple[Draws, Int[np.ndarray, "
     )
     noise = driving.standard_normal((rows, samples, FUTURE), dtype=np.float32)
     noise -= noise.mean(axis=1, keepdims=True)
-    return Draws(noise, threshold, change), order
+    return Draws(noise, threshold, change, np.exp(ndtri(pacing.permutation(share)))), order
 
 
 def drawn_drivers(

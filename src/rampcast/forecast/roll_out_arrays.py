@@ -66,8 +66,14 @@ class Law(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """Random numbers, a row for each vehicle; see `Start.draw`."""
+    """Random numbers, a row for each vehicle; see `Start.draw`. The pace is the same for all vehicles of a sample.
+
+    Attributes:
+        noise, threshold, change: of what drivers do beside their law, of merges, and of changes between main lanes.
+        pace: by what all hazards of the site are multiplied.
+    """
 
     noise: Float[np.ndarray, "row sample step"]
     threshold: Float[np.ndarray, "row sample"]
     change: Float[np.ndarray, "row sample"]
+    pace: Float[np.ndarray, "sample"]

@@ -86,8 +86,8 @@ def _integrated(hazard: Any, seen: Any) -> float:
 @no_type_check
 def _merges(
     k: int, order: Any, x: Any, v: Any, lane: Any, length: Any, offset: Any, approach: Any, ready: Any, gathered: Any,
-    since: Any, leader: Any, lead: Any, lag: Any, threshold: Any, rate: Any, may: Any, end: Any, begin: Any,
-    target: Any, hazard: Any, out: Any, chance: Any, seen: Any, can_merge: Any,
+    since: Any, leader: Any, lead: Any, lag: Any, threshold: Any, rate: Any, pace: float, may: Any, end: Any,
+    begin: Any, target: Any, hazard: Any, out: Any, chance: Any, seen: Any, can_merge: Any,
 ) -> bool:  # fmt: skip
     """Moves who merges now, keeps what hazards saw where that is asked for; returns whether anybody merged."""
     newest = NOBODY
@@ -116,7 +116,7 @@ def _merges(
             seen[i, k], can_merge[i, k] = out, can
         if not can:
             continue
-        adds = _integrated(hazard, out) * rate[i, k]
+        adds = _integrated(hazard, out) * rate[i, k] * pace
         gathered[i], chance[i, k] = gathered[i] + adds, chance[i, k] - np.int64(CHANCES * np.expm1(-adds))
         if may[i] and gathered[i] >= threshold[i]:
             lane[i], leader[i], since[i] = target[here], ahead, 0
@@ -236,7 +236,8 @@ def _draw(
 @no_type_check
 def _sample(
     m: int, s: int, start: Any, learned: Any, here: Any, own: Any, who: Any, noise: Any, threshold: Any, change: Any,
-    fastest: Any, rates: Any, may: Any, rows: Any, out_x: Any, out_lane: Any, chance: Any, seen: Any, can: Any,
+    fastest: Any, rates: Any, pace: float, may: Any, rows: Any, out_x: Any, out_lane: Any, chance: Any, seen: Any,
+    can: Any,
 ) -> None:  # fmt: skip
     """Drives the vehicles of a moment in one sample; what it fills in is as for `drive`."""
     n, numbers = here.stop - here.start, learned.numbers
@@ -253,7 +254,7 @@ def _sample(
             _see(order, lane, target, source, last, leader, lead, lag)
         new = _merges(
             k, order, x, v, lane, length, offset, approach, ready, gathered, since, leader, lead, lag, threshold, rates,
-            may, end, begin, target, learned.hazard, out, chance, seen, can,
+            pace, may, end, begin, target, learned.hazard, out, chance, seen, can,
         )  # fmt: skip
         if numbers[7] > 0.0:
             new |= _changes(k, x, v, lane, length, since, leader, change, start.left[m], start.right[m])
@@ -297,7 +298,7 @@ def drive(
             _draw(start, learned, draws, here, s, driver[here], own, noise, threshold, change, fastest)
             _sample(
                 m, s, start, learned, here, own, driver[here, s], noise, threshold, change, fastest, rate[here],
-                may[here], rows, out_x, out_lane, out_chance[here], seen, can,
+                draws.pace[s], may[here], rows, out_x, out_lane, out_chance[here], seen, can,
             )  # fmt: skip
             for i in range(n if watched else 0):
                 if rows[i] >= 0:

@@ -8,7 +8,9 @@ from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
 from rampcast.forecast.held_out import HeldOut
 from rampcast.forecast.learning import Base
 from rampcast.forecast.over_sites import SiteScore
+from rampcast.forecast.populations import Populations
 from rampcast.forecast.roll_out import Manners, RollOut
+from rampcast.models.between_sites import Population
 from rampcast.models.correction import Correction, CorrectionSpec, KnotCorrection
 from rampcast.models.disturbance import Disturbance
 from rampcast.models.drivers import DriverPrior
@@ -17,6 +19,7 @@ from rampcast.models.merging import MergeHazard
 from rampcast.models.plain_data import OwnForm, Tags
 from rampcast.models.platoon_head import Head
 from rampcast.models.ranked_line import RankedLine
+from rampcast.models.site_hazards import HazardPopulation
 from rampcast.models.trees import BoostedTrees, Trees
 from rampcast.sites import Site
 from rampcast.sites.site import site_from_dict, site_to_dict
@@ -30,6 +33,9 @@ TAGS: Tags = {
     "samples": CalibratedSpec,
     "base": Base,
     "held_out": HeldOut,
+    "sites": Populations,
+    "parameters_of_sites": Population,
+    "hazards_of_sites": HazardPopulation,
     "roll_out": RollOut,
     "manners": Manners,
     "drivers": DriverPrior,

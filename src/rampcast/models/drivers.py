@@ -7,18 +7,22 @@ well each reproduces its history, again in closed loop. Nothing is optimised whe
 with holes, is as good an input as 4 s.
 
 How far drivers scatter, and how much a history counts, is what forecasts the training vehicles best from their
-histories alone. Fits of six parameters to 4 s without a prior overfit: docs/limits.md measures it.
+histories alone. Where other sites are known, the centre is that of a site among them (`between_sites`), and drivers
+scatter by what is not known of it too. Fits of six parameters to 4 s without a prior overfit: docs/limits.md measures
+it.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.optimize import least_squares
+from jaxtyping import Bool, Float, Int, Shaped
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from rampcast.errors import ModelError
 from rampcast.horizon import FUTURE, WHOLE_SECONDS
+from rampcast.models.between_sites import Estimate, Evidence
 from rampcast.models.pooled_driver import LEAST_CASES, START, TYPICAL_ERROR, true_leader
 from rampcast.physics import idm
 from rampcast.threads import shared_out
@@ -31,9 +35,12 @@ INDEPENDENCES = (0.4, 1.0, 2.5)  # [1/s] independent errors a second of history 
 MOST_CASES = 1000  # to choose among these; more choose the same
 HABITS, START_HABIT = (0.0, 1.0), 0.5
 DRIVEN = 1000  # vehicles that take a thread longer than it takes to begin
+LEAST_SQUARE = 1e-4  # [m^2] of errors; who is driven nearer to where it went was driven by this law
 NEAR, GROWTH = 0.3, 0.15  # [m], [m/s]: usual size of a closed-loop error, and its growth with the time driven
 RAREST = 1e-3  # quantile beyond which no driver is drawn
 SCATTERING = 5  # parameters that differ between drivers; all share the exponent
+PARAMETERS = (*(f"log {name}" for name in idm.Parameters._fields), "habit")  # that differ between sites
+LEAST_EXPONENT = 0.1  # whose logarithm is taken of one of 0
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,7 @@ class DriverPrior:
     Attributes:
         centre: the parameters of the IDM, in the order of `physics.idm.Parameters`.
         habit: how far a driver's gaps are those of now; see `driver_loops.own_gap`.
-        scatter: standard deviation of the logarithms of all of them but the exponent.
+        scatter: standard deviation of the logarithms of all of them but the exponent, among the drivers of a site.
         independence: independent errors in a second of history [1/s].
         drivers: parameters of the drivers that stand for the prior, equally likely.
     """
@@ -65,7 +72,12 @@ class DriverPrior:
 
 
 def fit_drivers(
-    platoons: Platoons, truth: Float[np.ndarray, "platoon step"], leader_truth: Float[np.ndarray, "platoon step"]
+    platoons: Platoons,
+    truth: Float[np.ndarray, "platoon step"],
+    leader_truth: Float[np.ndarray, "platoon step"],
+    *,
+    about: Estimate | None = None,
+    like: DriverPrior | None = None,
 ) -> DriverPrior:
     """Returns the prior that forecasts the training vehicles best behind the true futures of their leaders.
 
@@ -73,26 +85,64 @@ def fit_drivers(
         platoons: of the training vehicles.
         truth: their displacements [m] after t = 0; NaN where not seen.
         leader_truth: front of their leaders, counted from the same places [m]; NaN where not seen.
+        about: the centre, and how far it is known, of `PARAMETERS`; None for that of the training vehicles alone.
+        like: how far drivers scatter and histories count, if too few vehicles tell; None for little.
     """
-    centre, habit = _fit_centre(platoons, truth, leader_truth)
+    if about is None:
+        fit, _ = _fit_centre(platoons, truth, leader_truth)
+        prior = partial(_prior, fit.x[:-1], float(fit.x[-1]), np.zeros(SCATTERING))
+    else:
+        prior = partial(_prior, *_driver(about.mean), about.deviation[:SCATTERING])
     known = (platoons.depth > 0) & np.isfinite(truth).all(axis=1) & np.isfinite(leader_truth).all(axis=1)
     rows = np.flatnonzero(known)
     rows = rows[:: max(1, len(rows) // MOST_CASES)]
-    if not len(rows):
-        return _prior(centre, habit, SCATTERS[0], INDEPENDENCES[0])
+    if not len(rows) or (like is not None and len(rows) < LEAST_CASES):
+        return prior(*((SCATTERS[0], INDEPENDENCES[0]) if like is None else (like.scatter, like.independence)))
     some = platoons.select(rows)
-    best, prior = np.inf, None
+    best, found = np.inf, None
     for scatter in SCATTERS:
-        drivers = _prior(centre, habit, scatter, 1.0).table
+        drivers = prior(scatter, 1.0).table
         futures = behind_leader(drivers, some, leader_truth[rows])
         likelihood = history_likelihood(drivers, some)
         for independence in INDEPENDENCES:
             mean = np.einsum("pd,pds->ps", _normalised(independence * likelihood), futures)
             error = float(np.abs(mean - truth[rows]).mean())
             if error < best:
-                best, prior = error, _prior(centre, habit, scatter, independence)
-    assert prior is not None
-    return prior
+                best, found = error, prior(scatter, independence)
+    assert found is not None
+    return found
+
+
+def driver_evidence(
+    platoons: Platoons,
+    truth: Float[np.ndarray, "platoon step"],
+    leader_truth: Float[np.ndarray, "platoon step"],
+    vehicle: Shaped[np.ndarray, "platoon"],
+) -> Evidence:
+    """Returns what training vehicles say of `PARAMETERS`: nothing of what none of them shows, or if they are few.
+
+    The errors of a vehicle are much alike at all moments and seconds, so a vehicle counts as one error of the usual
+    size, however long it was seen. Vehicles that met the same minutes are taken for independent, which says too much.
+
+    Args:
+        platoons, truth, leader_truth: see `fit_drivers`.
+        vehicle: which each is.
+    """
+    fit, rows = _fit_centre(platoons, truth, leader_truth)
+    if not len(rows):
+        return Evidence(np.zeros((len(PARAMETERS),) * 2), np.zeros(len(PARAMETERS)))
+    change = np.append(np.maximum(fit.x[:-1], LEAST_EXPONENT), 1.0)  # of the parameters with their logarithms
+    square = 2.0 * fit.cost / max(len(fit.fun) - len(change), 1)
+    of_a_vehicle = len(fit.fun) / len(set(vehicle[rows].tolist()))
+    slope = fit.jac * change
+    precision = slope.T @ slope / (max(square, LEAST_SQUARE) * of_a_vehicle)
+    own = np.append(np.log(change[:-1]), fit.x[-1])
+    return Evidence(precision, precision @ own)
+
+
+def assumed_centre() -> Float[np.ndarray, "param"]:
+    """Returns what is assumed of `PARAMETERS` where no site tells: a driver of the literature."""
+    return np.append(np.log(START), START_HABIT)
 
 
 def posterior(prior: DriverPrior, platoons: Platoons) -> Float[np.ndarray, "platoon driver"]:
@@ -203,12 +253,15 @@ def with_habit(drivers: Float[np.ndarray, "driver param"], habit: float) -> Floa
 
 def _fit_centre(
     platoons: Platoons, truth: Float[np.ndarray, "platoon step"], leader_truth: Float[np.ndarray, "platoon step"]
-) -> tuple[Float[np.ndarray, "param"], float]:
-    """Returns the driver, and the habit, that bring all training vehicles nearest to where they went."""
+) -> tuple[OptimizeResult, Int[np.ndarray, "chosen"]]:
+    """Returns the fit of the driver and the habit that bring the training vehicles nearest to where they went.
+
+    And by which of them, evenly spread; of too few there is none, and the fit is where it starts.
+    """
     seen = np.isfinite(truth) & np.logical_and.accumulate(np.isfinite(leader_truth), axis=1)
     rows = np.flatnonzero((platoons.depth > 0) & seen.any(axis=1))
     if len(rows) < LEAST_CASES:
-        return np.array(START), 0.0
+        return OptimizeResult(x=np.array([*START, 0.0])), rows[:0]
     rows = rows[:: -(-len(rows) // MOST_CASES)]
     some, ahead, at = platoons.select(rows), leader_truth[rows], seen[rows][:, WHOLE_SECONDS]
     wanted = truth[rows][:, WHOLE_SECONDS][at]
@@ -222,12 +275,25 @@ def _fit_centre(
         f_scale=TYPICAL_ERROR,
         max_nfev=30,
     )
-    return fit.x[:-1], float(fit.x[-1])
+    return fit, rows
 
 
-def _prior(centre: Float[np.ndarray, "param"], habit: float, scatter: float, independence: float) -> DriverPrior:
+def _driver(parameters: Float[np.ndarray, "param_and_habit"]) -> tuple[Float[np.ndarray, "param"], float]:
+    """Returns the driver and the habit of `PARAMETERS`, within the limits that fits have."""
+    low, high = np.array([*((bound.low, bound.high) for bound in idm.NET_BOUNDS), HABITS]).T
+    driver = np.clip(np.append(np.exp(parameters[:-1]), parameters[-1]), low, high)
+    return driver[:-1], float(driver[-1])
+
+
+def _prior(
+    centre: Float[np.ndarray, "param"],
+    habit: float,
+    unknown: Float[np.ndarray, "scattering"],
+    scatter: float,
+    independence: float,
+) -> DriverPrior:
     points = qmc.Sobol(SCATTERING, seed=1).random(DRIVERS)
-    offsets = scatter * norm.ppf(np.clip(points, RAREST, 1 - RAREST))
+    offsets = np.hypot(scatter, unknown) * norm.ppf(np.clip(points, RAREST, 1 - RAREST))
     scattered = centre[:SCATTERING] * np.exp(offsets - offsets.mean(axis=0))
     drivers = np.column_stack([scattered, np.full(DRIVERS, centre[SCATTERING])])
     return DriverPrior(centre, habit, scatter, independence, drivers)

@@ -91,15 +91,14 @@ def fit_merge_forest(
     merged = _merged_by(rolled, change_time, seen_for)
     _, number = np.unique(group, return_inverse=True)
     weight = 1.0 / np.sqrt(np.bincount(number)[number])
-    width, table = softness(table), _filled(table)
-    unseen = _out_of_fold(table, merged, weight, folds, seed, width)
+    unseen = _out_of_fold(table, merged, weight, folds, seed)
     errors = [
         np.nansum(weight[:, None] * (part * unseen + (1.0 - part) * rolled[:, MOMENTS] - merged) ** 2, axis=0)
         for part in SHARES
     ]
     best = np.array(SHARES)[np.argmin(errors, axis=0)]
-    forest = _forest(TREES, seed).fit(table, merged, sample_weight=weight)
-    return MergeForest(_as_arrays(forest, width), best)
+    forest = _forest(TREES, seed).fit(_filled(table), merged, sample_weight=weight)
+    return MergeForest(_as_arrays(forest, softness(table)), best)
 
 
 def rate_of(
@@ -163,15 +162,14 @@ def _out_of_fold(
     weight: Float[np.ndarray, "row"],
     folds: Sequence[Fold],
     seed: int,
-    width: Float[np.ndarray, "column"],
 ) -> Float[np.ndarray, "row moment"]:
-    """Returns what forests that were not trained on a row give for it; NaN where too few are left to train on."""
+    """Returns what forests that have not seen a row give for it; NaN where too few are left to train on."""
     found = np.full(merged.shape, np.nan)
     for train, test in folds:
         rows = train[:: max(1, len(train) // MOST_ROWS)]
         if len(rows) >= LEAST_ROWS // 2 and len(test):
-            forest = _forest(TREES_OF_A_FOLD, seed).fit(table[rows], merged[rows], sample_weight=weight[rows])
-            found[test] = _predict(_as_arrays(forest, width), table[test])
+            forest = _forest(TREES_OF_A_FOLD, seed).fit(_filled(table[rows]), merged[rows], sample_weight=weight[rows])
+            found[test] = _predict(_as_arrays(forest, softness(table[rows])), table[test])
     return found
 
 

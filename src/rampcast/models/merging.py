@@ -10,13 +10,14 @@ Source: Cox 1972 and Allison 1982 for hazards in discrete time; Ahmed 1999 for t
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from sklearn.linear_model import LogisticRegression
 
 from rampcast.errors import ModelError
-from rampcast.horizon import STEP
+from rampcast.horizon import FUTURE, STEP
 
 NEAREST, FARTHEST = 1.0, 60.0  # [m] within which a gap matters
 LANE_GOES_ON = 300.0  # [m]; an end farther away than this, or none, urges nobody
@@ -38,6 +39,22 @@ RARE = -6.0  # logit of a hazard of which nothing is known: a merge in 80 s
 MARGIN = 5.0  # [m] upstream of the first merge of the training vehicles, and downstream of the last
 
 
+class Periods(NamedTuple):
+    """Steps in which training vehicles might have merged, in all samples.
+
+    Attributes:
+        features: see `merge_loops.merge_features`.
+        merged: whether they did.
+        scene: which training vehicle each is of.
+        samples: how many there are.
+    """
+
+    features: Float[np.ndarray, "period feature"]
+    merged: Bool[np.ndarray, "period"]
+    scene: Int[np.ndarray, "period"]
+    samples: int
+
+
 @dataclass(frozen=True)
 class MergeHazard:
     """A fitted hazard.
@@ -46,12 +63,15 @@ class MergeHazard:
         weights: of the features; see `merge_loops.merge_features`.
         constant: logit where all features are zero.
         first, last: distances to the end of the lane between which vehicles merge [m].
+        unknown: standard deviation of the logarithm by which all hazards of the site may be off, as it is known; 0 for
+            that of a site that taught it.
     """
 
     weights: Float[np.ndarray, "feature"]
     constant: float
     first: float = LANE_GOES_ON
     last: float = 0.0
+    unknown: float = 0.0
 
     def __post_init__(self) -> None:
         if len(self.weights) != FEATURES:  # the compiled loops do not look
@@ -81,15 +101,14 @@ def merge_zone(
     return float(min(left.max() + MARGIN, LANE_GOES_ON)), float(max(left.min() - MARGIN, 0.0))
 
 
-def fit_merge_hazard(
+def merge_periods(
     features: Float[np.ndarray, "scene sample step feature"],
     change_time: Float[np.ndarray, "scene"],
     seen_for: Float[np.ndarray, "scene"],
     *,
     may: Bool[np.ndarray, "scene sample step"] | None = None,
-    zone: tuple[float, float] = (LANE_GOES_ON, 0.0),
-) -> MergeHazard:
-    """Returns the hazard under which the lane changes of the training vehicles are likeliest.
+) -> Periods:
+    """Returns when the training vehicles might have merged.
 
     Args:
         features: of each training vehicle at each step of 0.2 s after t = 0, in some samples of its roll-out, had it
@@ -97,22 +116,45 @@ def fit_merge_hazard(
         change_time: time to the lane change [s]; NaN where none was seen.
         seen_for: time for which the vehicle was seen [s].
         may: whether it might have merged at that step; default: always.
-        zone: see `merge_zone`.
     """
     at_risk, event = person_periods(change_time, seen_for, steps=features.shape[2])
-    if event.sum() < LEAST_EVENTS:
-        return MergeHazard(NEVER.weights, _usual(int(event.sum()), int(at_risk.sum())), *zone)
-    samples = features.shape[1]
     rows = np.broadcast_to(at_risk[:, None], features.shape[:3])
     rows = rows if may is None else rows & (may | event[:, None])
-    table = features[rows]
-    label = np.broadcast_to(event[:, None], features.shape[:3])[rows]
-    middle, scale = table.mean(axis=0), np.maximum(table.std(axis=0), 1e-3)
-    fit = LogisticRegression(C=STRENGTH * samples, max_iter=500).fit(
-        (table - middle) / scale, label, sample_weight=np.full(len(label), 1.0 / samples)
+    merged = np.broadcast_to(event[:, None], features.shape[:3])[rows]
+    return Periods(features[rows], merged, np.nonzero(rows)[0], features.shape[1])
+
+
+def fit_merge_hazard(
+    periods: Periods,
+    change_time: Float[np.ndarray, "scene"],
+    seen_for: Float[np.ndarray, "scene"],
+    *,
+    zone: tuple[float, float] = (LANE_GOES_ON, 0.0),
+) -> MergeHazard:
+    """Returns the hazard under which the lane changes of the training vehicles are likeliest.
+
+    Args:
+        periods: see `merge_periods`.
+        change_time: time to the lane change [s]; NaN where none was seen.
+        seen_for: time for which the vehicle was seen [s].
+        zone: see `merge_zone`.
+    """
+    at_risk, event = person_periods(change_time, seen_for, steps=FUTURE)
+    if event.sum() < LEAST_EVENTS:
+        return MergeHazard(NEVER.weights, _usual(int(event.sum()), int(at_risk.sum())), *zone)
+    middle, scale = usual_features(periods)
+    fit = LogisticRegression(C=STRENGTH * periods.samples, max_iter=500).fit(
+        (periods.features - middle) / scale,
+        periods.merged,
+        sample_weight=np.full(len(periods.merged), 1.0 / periods.samples),
     )
     weights = fit.coef_[0] / scale
     return MergeHazard(weights, float(fit.intercept_[0] - weights @ middle), *zone)
+
+
+def usual_features(periods: Periods) -> tuple[Float[np.ndarray, "feature"], Float[np.ndarray, "feature"]]:
+    """Returns the means of the features, and their standard deviations."""
+    return periods.features.mean(axis=0), np.maximum(periods.features.std(axis=0), 1e-3)
 
 
 def _usual(merges: int, periods: int) -> float:
