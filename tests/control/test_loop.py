@@ -51,16 +51,19 @@ def truth() -> None:
 
 def gap_release() -> None:
     """Looks at what a rule that waits for gaps does to the light."""
-    held = []
+    held, asked = [], []
     controller = Controller("gap_release", values={"target": 12.0}, knows="constant", chance=0.9, patience=6.0)
     with driving(job(controller).scenario) as plant:
         for moment in Loop(plant, controller, constant_speeds):
             held.append(moment.held)
             assert plant.meters[0].ready <= 6.0 + 2.0  # patience, and until the next look
-            assert moment.forecast is None or moment.time - moment.forecast.t0 < 1.0
+            if moment.forecast is not None and moment.forecast.t0 == moment.time:
+                asked.append(moment.time)
     assert len(held) == 180
     assert any(held)
     assert not all(held)
+    assert 10 < len(asked) < 90  # of 90 s: only where somebody can be let go
+    assert np.diff(asked).min() >= 1.0
 
 
 def advice() -> None:

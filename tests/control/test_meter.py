@@ -45,3 +45,21 @@ def test_nobody_waiting_keeps_one_green_in_store_and_no_more():
         assert not meter.green([], 0.5)
     assert meter.green(["1"], 0.5)
     assert not meter.green(["2"], 0.5)
+
+
+def test_a_light_tells_whether_it_would_turn_green_in_the_next_step():
+    meter = Meter(rate=360.0)  # a green each 10 s
+    assert meter.could_let_go(["2", "1"], 0.5)
+    assert meter.green(["2", "1"], 0.5)
+    assert not meter.could_let_go(["2", "1"], 0.5)  # the first is still passing
+    assert not meter.could_let_go([], 0.5)
+    told = []
+    for _ in range(20):
+        told.append(meter.could_let_go(["2"], 0.5))
+        shown = meter.green(["2"], 0.5)
+        assert shown is told[-1]
+        if shown:
+            break
+    assert told.count(True) == 1
+    assert len(told) == 20
+    assert Meter().could_let_go(["1"], 0.5)  # always green: it could be held

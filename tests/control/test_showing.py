@@ -21,7 +21,7 @@ def test_a_rule_that_there_is_not_is_refused_before_anything_is_driven():
 
 
 def test_a_rule_has_the_values_that_the_shipped_plan_tries_first():
-    assert job_of("alinea", 1).controller.values == {"target": 10.0}
+    assert job_of("alinea", 1).controller.values == {"target": 11.0}
     assert job_of("gap_advice", 1).controller.knows == "model"
     station, source = controlled("alinea", speed=2.0, model=Path("folder"))
     assert station.site.has_ramp

@@ -65,4 +65,4 @@ def test_only_drivers_with_such_headways_need_another_program():
     assert with_queue_headway(["sumo", "-n", "net.xml"], DEFAULT) == ["sumo", "-n", "net.xml"]
     found = with_queue_headway(["sumo", "-n", "net.xml"], QUEUE_HEADWAY)
     assert found[0] == sys.executable
-    assert found[-5:] == [1.1, 60.0, "sumo", "-n", "net.xml"]
+    assert found[-5:] == [1.15, 60.0, "sumo", "-n", "net.xml"]

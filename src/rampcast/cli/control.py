@@ -14,7 +14,7 @@ from rampcast.cli.options import AnyModel, OutFile, OutFolder
     "rampcast experiment plan.toml --out out/plan   (call it again after an interruption)"
 )
 def experiment(
-    plan: Annotated[str, typer.Argument(help="A plan.toml, or tiny, ci, first, full, advice, corridor, which ship.")],
+    plan: Annotated[str, typer.Argument(help="A plan.toml, or tiny, ci, full, gaps, advice, corridor, which ship.")],
     out: OutFolder,
     processes: Annotated[int | None, typer.Option("--processes", min=1, help="Default: one for each core.")] = None,
 ) -> None:

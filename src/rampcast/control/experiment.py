@@ -15,6 +15,7 @@ import polars as pl
 
 from rampcast.control.controller import Controller
 from rampcast.control.outcome import Done
+from rampcast.control.own_model import model_of, own_model
 from rampcast.control.plan import Job, Plan, with_values
 from rampcast.errors import RampcastError
 from rampcast.files import check_folder, write_whole
@@ -47,7 +48,9 @@ def experiment(plan: Plan, out: Path, *, processes: int | None = None, progress:
     tell, count = progress or (lambda what, done, total: None), processes or os.cpu_count() or 1
     tuning, chosen = _tuned(plan, out, count, tell)
     plan = replace(plan, controllers=tuple(with_values(one, chosen) for one in plan.controllers))
-    jobs = [Job(demand, one, seed, plan) for demand in plan.demands for seed in plan.seeds for one in plan.controllers]
+    if any(one.knows in ("model", "shuffled") for one in plan.controllers):
+        own_model(plan, with_values(Controller("alinea"), chosen).values, out, processes=count, tell=tell)
+    jobs = [Job(demand, one, seed, plan) for seed in plan.seeds for demand in plan.demands for one in plan.controllers]
     runs = _table(jobs, run_all(jobs, out, processes=count, tell=tell, what="runs"))
     files = []
     for name, table in (("runs", runs), ("tuning", tuning)):
@@ -148,7 +151,7 @@ def run_job(job: Job, out: Path, drawn: bool) -> dict[str, Any]:
     from rampcast.control.run import measured
 
     keep = out / PICTURES / f"{job.key}.parquet" if drawn else None
-    load = lambda: _loaded(job.plan.model)  # noqa: E731
+    load = lambda: _loaded(model_of(job.plan, out))  # noqa: E731
     with choosing_threads(1):
         numbers = measured(job.scenario, job.controller, load=load, samples=job.plan.samples, peak=job.peak, keep=keep)
     with write_whole(out / FOLDER / f"{job.key}.json") as path:

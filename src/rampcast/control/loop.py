@@ -81,7 +81,7 @@ class Loop:
             frame = plant.frame()
             self.past.add(plant.time, frame)
             self._note(number, frame)
-            if self.futures is not None and self._every(number, self._asks_every):
+            if self.futures is not None and self._asks(number):
                 self.forecast = self.futures(self.past)
                 self._act(frame)
             if self._every(number, one.period):
@@ -92,9 +92,13 @@ class Loop:
             rates = tuple(meter.rate for meter in plant.meters)
             yield Moment(plant.time, frame, rates, plant.meters[0].held, tuple(told), self.forecast)
 
-    @property
-    def _asks_every(self) -> float:
-        return self.controller.period if self.controller.rule == "pred_alinea" else ASK_EVERY
+    def _asks(self, number: int) -> bool:
+        """Returns whether the rule wants to know the future now."""
+        plant, rule = self.plant, self.controller.rule
+        if rule == "gap_release":  # only where somebody could be let go, and no sooner than a second after the last
+            asked = self.forecast is not None and plant.time - self.forecast.t0 < ASK_EVERY - 1e-9
+            return not asked and plant.meters[0].could_let_go(plant.waiting(0), plant.scenario.step)
+        return self._every(number, self.controller.period if rule == "pred_alinea" else ASK_EVERY)
 
     def _every(self, number: int, period: float) -> bool:
         return number % round(period / self.plant.scenario.step) == 0

@@ -18,10 +18,11 @@ from rampcast.simulate.corridor import Corridor
 from rampcast.simulate.drivers import DRIVERS, drivers_of
 from rampcast.simulate.plant import Scenario
 
-SHIPPED: Final = ("full", "first", "advice", "corridor", "ci", "tiny")
-QUIET, RISES, FALLS = 0.15, 0.35, 0.6  # shares of a run: until the demand rises, is at its peak, begins to fall
-EMPTIES: Final = 0.72  # share of a run from which the demand is low, so that queues can dissolve
-SHARES: Final = (0.0, 0.96, 0.04)  # no motorcycles: they pass between lanes, which SUMO's do not
+SHIPPED: Final = ("full", "gaps", "advice", "corridor", "ci", "tiny")
+QUIET, RISES, FALLS = 0.1, 0.2, 0.75  # shares of a run: until the demand rises, is at its peak, begins to fall
+OWN: Final = "own"  # model of the plan: learned from its own road, see `own_model`
+EMPTIES: Final = 0.82  # share of a run from which the demand is low, so that queues can dissolve
+SHARES: Final = (0.0, 0.92, 0.08)  # no motorcycles: they pass between lanes, which SUMO's do not; trucks as gate 0 has
 Count = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
 
@@ -57,7 +58,7 @@ class Plan:
         step: of the simulation [s], a whole part of a second.
         drivers: name of a set of drivers.
         corridor: the geometry.
-        model: folder of a forecaster, or "pretrained".
+        model: folder of a forecaster, "pretrained", or "own" for one that learns from runs with `tune_seeds`.
         samples: futures of each forecast.
         baseline: name of the controller that ours are compared with.
         pictures: whether to keep the first run of each controller for a picture.
@@ -95,8 +96,14 @@ class Job:
     @property
     def key(self) -> str:
         """Returns a name of the run that changes with all that it depends on."""
-        same = {"corridor": asdict(self.plan.corridor), "drivers": asdict(DRIVERS[self.plan.drivers])}
+        same: dict[str, object] = {
+            "corridor": asdict(self.plan.corridor),
+            "drivers": asdict(DRIVERS[self.plan.drivers]),
+        }
         same |= {name: getattr(self.plan, name) for name in ("minutes", "step", "model", "samples")}
+        same |= {"shares": SHARES}
+        if self.plan.model == OWN:
+            same |= {"learned_from": [self.plan.tune_seeds, [asdict(one) for one in self.plan.demands]]}
         own = {
             "demand": asdict(self.demand),
             "controller": asdict(replace(self.controller, label="")),
@@ -174,6 +181,8 @@ def _checked(plan: Plan) -> Plan:
         raise RampcastError(f"tune_seeds: {min(same)} is one of seeds too: who tunes on a test has none")
     if plan.tune and not plan.tune_seeds:
         raise RampcastError("tune: there are values to try, and no tune_seeds to try them on")
+    if plan.model == OWN and not plan.tune_seeds:
+        raise RampcastError('model = "own": it learns from runs with tune_seeds, and there are none')
     if plan.corridor.ramps * max(one.ramp_share for one in plan.demands) >= 1.0:
         raise RampcastError("demands: the ramps together want more than all there is")
     return plan

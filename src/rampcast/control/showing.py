@@ -27,7 +27,7 @@ from rampcast.simulate.plant import Plant, driving
 from rampcast.simulate.running import output_alone
 
 PLAN: Final = "full"  # whose drivers, demand and first values of each rule are shown
-DEMAND: Final = "capacity"
+DEMAND: Final = "beyond"
 UNSEEN: Final = 120.0  # [s] driven before the first frame: the road fills
 ALONE: Final = "none"  # the rule of the twin
 SITE: Final = "corridor"

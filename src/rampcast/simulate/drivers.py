@@ -61,11 +61,11 @@ class Drivers:
 
 DEFAULT: Final = Drivers("default")
 # A bottleneck that breaks down as real ones do; docs/control.md says how it was chosen.
-_ASSERTIVE: Final = {"lcAssertive": (1.2, 3.0)}
+_ASSERTIVE: Final = {"lcAssertive": (2.3, 4.6)}
 QUEUE_HEADWAY: Final = Drivers(
     "queue_headway",
     ranges={kind: {**ranges, **_ASSERTIVE} for kind, ranges in DEFAULT.ranges.items()},
-    queue_tau=1.1,
+    queue_tau=1.15,
     queue_memory=60.0,
 )
 DRIVERS: Final[Mapping[str, Drivers]] = {one.name: one for one in (DEFAULT, QUEUE_HEADWAY)}

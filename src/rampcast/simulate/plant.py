@@ -95,6 +95,12 @@ class Meter:
     _credit: float = 1.0
     _passing: str | None = None
 
+    def could_let_go(self, waiting: list[str], dt: float) -> bool:
+        """Returns whether somebody would have a green in the next step if the light is not held; as for `green`."""
+        passing = self._passing is not None and self._passing in waiting
+        soon = self._credit + (self.rate or FASTEST_RATE) * dt / 3600.0 >= 1.0
+        return bool(waiting) and not passing and (soon or self.rate is None)
+
     def green(self, waiting: list[str], dt: float) -> bool:
         """Returns whether the light is green in the next step.
 
