@@ -93,6 +93,9 @@ def test_the_page_tells_what_failed_first_and_no_name_is_markup(records, tmp_pat
     for name in ("south&lt;b&gt;", "c&lt;i&gt;.csv", "Rows &lt;twice&gt;", "its process was &lt;killed&gt;"):
         assert name in page
     assert not [name for name in ("south<b>", "c<i>", "<twice>", "<killed>") if name in page]
+    cells = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>.*?</tr>", page)]
+    assert ["all sites", "ours", "80", "", "", "2.50", "", "", ""] in cells  # a mean error at 5 s alone
+    assert ["all sites", "6", "40.0%", "3", "", "", "0.0%", "0", "", "", "", ""] in cells  # conflicts within 5 s alone
     assert "default-src 'none'" in page
     assert not re.search(r"https?:|<script|src=", page)
     assert pl.read_csv(tmp_path / "sites.csv").height == 2

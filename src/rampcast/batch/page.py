@@ -1,6 +1,6 @@
 """The page about all sites of a batch: what failed, how good recordings are, scores, conflicts; needs no other file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,11 +17,7 @@ PAGE: Final = "report.html"
 HORIZONS: Final = (1.0, 3.0, 5.0, 8.0, 10.0, 15.0)  # [s]
 SOON: Final = (5.0, 15.0)  # [s]
 MOST: Final = 20  # failures that the page lists
-MEASURES: Final = {
-    "ttc": "time to collision below 3 s",
-    "drac": "deceleration to avoid a crash above 3 m/s²",
-    "pet": "post-encroachment time below 2 s at a merge",
-}
+CONFLICTS: Final = (("ttc", 5.0), ("ttc", 15.0), ("drac", 5.0), ("drac", 15.0), ("pet", 15.0))  # measure, within [s]
 CLASSES: Final = {Severity.SPOILS: "bad", Severity.WARNING: "warning", Severity.NOTE: "note"}
 Rows = list[tuple[str, ...]]
 
@@ -62,7 +58,9 @@ def _values(tables: Mapping[str, pl.DataFrame], plan: Plan) -> dict[str, Any]:
         "peak": max((f"{one:,.0f}" for one in sites["peak_mb"].drop_nulls().top_k(1)), default="?"),
         "overview": [_site_row(row) for row in sites.iter_rows(named=True)],
         "findings": list(_finding_rows(tables["findings"])),
-        "scores": _score_rows(tables["site_scores"]),
+        "horizons": [f"{one:g} s" for one in HORIZONS],
+        "errors": _score_rows(tables["site_scores"], "mean_error", _metres),
+        "bands": _score_rows(tables["site_scores"], "inside_90", _share),
         "conflicts": _conflict_rows(tables["site_conflicts"]),
         "tables": sorted(tables),
     }
@@ -102,27 +100,35 @@ def _of(row: Mapping[str, Any]) -> str:
     return _share(row["count"] / row["of"]) if row["of"] else ""
 
 
-def _score_rows(scores: pl.DataFrame) -> Rows:
-    rows = []
-    for row in scores.sort(pl.col("site") != ALL, "site", "model", "horizon", maintain_order=True).iter_rows(
-        named=True
-    ):
-        if any(abs(row["horizon"] - horizon) < 0.01 for horizon in HORIZONS):
-            off = (_metres(row[name]) for name in ("mean_error", "bias", "crps"))
-            shares = (_share(row[name]) for name in ("inside_50", "inside_90"))
-            site = "all sites" if row["site"] == ALL else row["site"]
-            rows.append((site, row["model"], f"{row['horizon']:g}", f"{row['n']:,}", *off, *shares))
-    return rows
+def _score_rows(scores: pl.DataFrame, value: str, shown: Callable[[float | None], str]) -> Rows:
+    """Returns, for all sites and each one, n and a value at each of `HORIZONS`."""
+    found = []
+    for (site, model), rows in _by_site(scores, "model"):
+        at = {round(horizon, 1): (n, one) for horizon, n, one in rows.select("horizon", "n", value).iter_rows()}
+        counted = max((n for n, _ in at.values()), default=0)
+        found.append((site, model, f"{counted:,}", *(shown(at.get(one, (0, None))[1]) for one in HORIZONS)))
+    return found
 
 
 def _conflict_rows(conflicts: pl.DataFrame) -> Rows:
-    rows: Rows = []
-    for row in conflicts.sort(pl.col("site") != ALL, "site", "measure", "t").iter_rows(named=True):
-        if any(abs(row["t"] - t) < 0.01 for t in SOON):
-            site = "all sites" if row["site"] == ALL else row["site"]
-            share = _share(row["expected"] / row["n"])
-            rows.append((site, MEASURES[row["measure"]], f"{row['t']:g}", f"{row['n']:,}", share, f"{row['likely']:,}"))
-    return rows
+    """Returns, for all sites and each one, the forecasts, and of each of `CONFLICTS` probability and likely ones."""
+    found = []
+    for (site,), rows in _by_site(conflicts):
+        at = {(row["measure"], round(row["t"], 1)): row for row in rows.iter_rows(named=True)}
+        cells = [at.get(one) for one in CONFLICTS]
+        shown = (_share(one["expected"] / one["n"]) if one else "" for one in cells)
+        likely = (f"{one['likely']:,}" if one else "" for one in cells)
+        pairs = (cell for pair in zip(shown, likely, strict=True) for cell in pair)
+        found.append((site, f"{max((one['n'] for one in cells if one), default=0):,}", *pairs))
+    return found
+
+
+def _by_site(table: pl.DataFrame, *more: str) -> Iterator[tuple[tuple[str, ...], pl.DataFrame]]:
+    """Yields the rows of all sites, then those of each, with its name."""
+    ordered = table.sort(pl.col("site") != ALL, "site", *more, maintain_order=True)
+    for key, rows in ordered.group_by("site", *more, maintain_order=True):
+        site, *others = map(str, key)
+        yield ("all sites" if site == ALL else site, *others), rows
 
 
 def _metres(value: float | None) -> str:
