@@ -33,6 +33,7 @@ LIST: Final = ".rampcast.json"
 READY: Final = "ready.json"  # in a work folder whose files are all whole: which they are, and which others shall go
 NEW: Final = "new"
 LOCK_TRIES: Final = 5
+FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 PROBE: Final = bytes(4096)  # on a full disk an empty file can still be made
 
 
@@ -336,6 +337,7 @@ def _refusing(path: Path, folder: Path) -> Iterator[None]:
             raise OutputError(
                 f"{path}: cannot be written, because {there} is a file and no folder; choose another --out"
             ) from error
+        mend = "make room there" if error.errno in FULL else "change its rights"
         raise OutputError(
-            f"{path}: nothing can be written in {there} ({error.strerror}); choose another --out, or change its rights"
+            f"{path}: nothing can be written in {there} ({error.strerror}); {mend}, or choose another --out"
         ) from error

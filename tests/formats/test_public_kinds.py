@@ -12,7 +12,7 @@ from rampcast.doctor.diagnosis import examine
 from rampcast.errors import FormatError, RecordingError
 from rampcast.formats import read_all, read_any
 from rampcast.formats.steps.units import FOOT
-from rampcast.recording import Recording, clean
+from rampcast.recording import Recording, clean, write_recording
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import cut_tracks
 from rampcast.sites import Lane, Site, load_site, write_site
@@ -280,3 +280,19 @@ def test_the_wrong_site_names_the_right_one_and_that_reads(tmp_path):
     with pytest.raises(FormatError, match=r"Read it with --site i80"):
         read_all([path], site="us101")
     assert read_any([path], site="i80")[1].rows == 3
+
+
+def test_a_recording_of_ours_is_read_with_the_ramp_that_a_site_file_says(tmp_path):
+    """The site was ignored, and `train` said again to name the ramp: a circle."""
+    recording = recording_of(15.0 * 0.1 * np.arange(30), range(30))
+    write_recording(recording, tmp_path / "o.parquet")
+    lanes = (Lane(1, "main", 0.0), Lane(2, "ramp", -3.7))
+    line = ((0.0, -1.8), (1000.0, -1.8))
+    values = {"target_lane": 1, "gore": 50.0, "ramp_end": 200.0, "merge_zone": (60.0, 190.0), "lane_line": line}
+    ramp = replace(recording.site, lanes=lanes, **values)
+    write_site(ramp, tmp_path / "s.toml")
+    assert read_any([tmp_path / "o.parquet"], site=tmp_path / "s.toml")[0].site.ramp_lanes == (2,)
+    moved = replace(ramp, lanes=(Lane(1, "main", 0.0), Lane(2, "ramp", -7.4)))
+    write_site(moved, tmp_path / "moved.toml")
+    with pytest.raises(RecordingError, match="has another name, lanes or reference line; leave the site out"):
+        read_any([tmp_path / "o.parquet"], site=tmp_path / "moved.toml")

@@ -10,13 +10,12 @@ from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
 from rampcast.errors import RampcastError
+from rampcast.files import FULL
 
 ROOM = "Make room or choose another --out, and call the same command again"
 RIGHTS = "Change its rights, or choose another --out"
 ADVICE = {
-    errno.ENOSPC: ROOM,
-    errno.EDQUOT: ROOM,
-    errno.EFBIG: ROOM,
+    **dict.fromkeys(FULL, ROOM),
     errno.EACCES: RIGHTS,
     errno.EPERM: RIGHTS,
     errno.EROFS: RIGHTS,

@@ -26,6 +26,10 @@ def site_with_ramp(recording: "Recording", values: "RampValues") -> "Site":
     site = recording.site
     values = values.or_of(site)
     print_lanes(recording)
+    if not values.lanes and len(site.lanes) == 1:
+        raise SiteError(
+            f"{site.name}: which lane is the ramp? Only one is seen, from which none can merge: say --no-ramp"
+        )
     if not values.lanes and not _somebody_answers():
         raise SiteError(
             f"{site.name}: which lane is the ramp? Give --ramp-lane with a number of the table (and, if you know them, "

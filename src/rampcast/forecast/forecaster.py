@@ -277,7 +277,7 @@ def _learned(
     # the tags name this module's classes, so they are known only by now
     stages = stages_of(kept, import_module("rampcast.forecast.tags").STAGES, data_hash, spec, start and start.data_hash)
     training = training_of(recording, spacing=spec.spacing, tell=partial(tell, "moments"))
-    check_enough(training, recording.names)
+    check_enough(training, recording)
     learn = partial(fit_calibrated, seed=spec.seed, spec=spec.model, start=None if start is None else start.model)
     score = None
     if start is not None:

@@ -1,6 +1,6 @@
 """What a training is worth: both forecasters on the last minutes of a recording, which neither has seen."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +12,13 @@ from rampcast.forecast.learning import Training
 from rampcast.forecast.stages import Stages
 from rampcast.horizon import FUTURE, STEP
 from rampcast.models.correction import KNOTS
+from rampcast.recording import Recording
+from rampcast.recording.recording import seconds_of
 from rampcast.traffic.platoons import HISTORY
 
 SHARE = 0.2  # of the time of each window that is held out
 MOST_MOMENTS = 60  # that are scored: at 60 vehicles each the error is known to a few percent
-LEAST_MINUTES = 60.0  # [s] of traffic: of less, nothing holds in other minutes
+LEAST_SECONDS = 45.0  # of traffic: of less, nothing holds in other minutes
 LEAST_MERGES = 1  # vehicles
 
 
@@ -39,21 +41,25 @@ class HeldOut:
     steady: Float[np.ndarray, "knot"]
 
 
-def check_enough(training: Training, names: Sequence[str]) -> None:
+def check_enough(training: Training, recording: Recording) -> None:
     """Checks that a recording shows what is to be learned.
 
+    Args:
+        training: what is learned from it.
+        recording: smoothed.
+
     Raises:
-        RecordingError: nobody merges in it, or it lasts less than a minute.
+        RecordingError: nobody merges in it, or it lasts less than `LEAST_SECONDS`.
     """
     merged = training.merging & np.isfinite(training.change_time)
     merges = len(set(training.group[merged].tolist()))
-    lasts = float(np.ptp(training.t0))
-    if merges >= LEAST_MERGES and lasts + FUTURE * STEP >= LEAST_MINUTES:
+    lasts = sum(seconds_of(recording).values())
+    if merges >= LEAST_MERGES and lasts >= LEAST_SECONDS:
         return
     raise RecordingError(
-        f"{', '.join(names)}: too little to learn from: {merges} vehicles merge in {lasts + FUTURE * STEP:.0f} s; "
-        f"expected at least {LEAST_MERGES} in {LEAST_MINUTES:.0f} s. Give more of that site's recordings, or forecast "
-        'without training: `rampcast forecast` without --model, `rc.load("pretrained")` in Python'
+        f"{', '.join(recording.names)}: too little to learn from: {merges} vehicles merge in {lasts:.0f} s; "
+        f"expected {LEAST_MERGES} or more in {LEAST_SECONDS:.0f} s or more. Give more of that site's recordings, or "
+        'forecast without training: `rampcast forecast` without --model, `rc.load("pretrained")` in Python'
     )
 
 

@@ -6,12 +6,14 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
+from rampcast.arguments import chosen
 from rampcast.errors import ModelError
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecaster import Forecaster, forecast_traffic
 from rampcast.forecast.recalibration import HORIZONS, LEVELS, STEPS, Recalibration
 from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS
+from rampcast.recording.breach import Doubtful
 from rampcast.sites import Site
 from rampcast.traffic.moments import EDGE, Traffic
 from rampcast.traffic.stream import Stream, StreamCounts
@@ -43,6 +45,7 @@ class Online:
         *,
         samples: int | None = None,
         recalibration: Recalibration | None = NEW,
+        doubtful: Doubtful | str = Doubtful.REFUSE,
     ) -> None:
         """Begins a stream.
 
@@ -51,6 +54,7 @@ class Online:
             site: of the stream; None for that of the forecaster, which the pretrained one lacks.
             samples: futures of each forecast; None for as many as the forecaster was trained with.
             recalibration: to begin with; None to leave bands as they are learned, whatever becomes of them.
+            doubtful: "accept" goes on with vehicles that no road has, which `push` refuses otherwise.
 
         Raises:
             ModelError: the forecaster is of another site, or it is of none and none is given.
@@ -60,11 +64,12 @@ class Online:
         forecaster.check(site)
         self.site = site
         self._model, self._samples, self._first = forecaster.model, samples, recalibration
+        self._doubtful = chosen(Doubtful, doubtful, name="doubtful")
         self.reset()
 
     def reset(self) -> None:
         """Forgets all frames, and what was learned from them, as where the clock of the stream begins anew."""
-        self._stream = Stream(self.site)
+        self._stream = Stream(self.site, doubtful=self._doubtful)
         self.recalibration = self._first
 
     @property

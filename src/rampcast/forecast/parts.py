@@ -16,6 +16,7 @@ from rampcast.forecast.forecasts import Forecasts
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, RecordingForecast
 from rampcast.forecast.tables import FILES
 from rampcast.recording import Recording
+from rampcast.recording.recording import seconds_of
 from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_times
 
 ROWS = 200_000  # of the longest table that are kept before they are written: some 10 MB
@@ -39,7 +40,10 @@ def moment_parts(
     raw = _raw_of(recording)
     times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
     if not sum(map(len, times.values())):
-        raise RecordingError(f"{', '.join(raw.names)}: expected {SPAN:g} s of traffic or more, there are fewer")
+        raise RecordingError(
+            f"{', '.join(raw.names)}: expected {SPAN:g} s of traffic or more before the first forecast, there are "
+            f"{max(seconds_of(raw).values()):.1f} s; give a longer recording"
+        )
     return parts_at(predict, raw, times)
 
 

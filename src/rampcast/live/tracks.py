@@ -9,13 +9,13 @@ import numpy as np
 
 from rampcast.live.frames import Id
 from rampcast.recording import columns as c
+from rampcast.recording.cutting import FASTEST
 from rampcast.traffic.moments import EDGE, SPAN, Rows, select
 
 KEPT: Final = 5.0  # [s] of a vehicle
 APART: Final = 0.5 - EDGE  # [s] between the two frames that a speed is told from
 CURRENT: Final = 0.25 + EDGE  # [s] that a vehicle stays in the state: sensors see in turn
-FASTEST: Final = 70.0  # [m/s] = 252 km/h: who is farther off than that is another vehicle under the same id
-SLIP: Final = 10.0  # [m] by which a sensor's box may slip besides
+SLIP: Final = 10.0  # [m] by which a sensor's box may slip; who is farther off than that is another under the same id
 TEXTS: Final = 1 << 60  # numbers that stand for ids which are texts begin here, beyond every id that is a number
 ARRAYS: Final = ("vehicle", "time", "x", "y", "lane", "length", "width", "kind")
 

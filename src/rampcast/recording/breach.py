@@ -9,9 +9,13 @@ from rampcast.errors import RecordingError
 
 SHOWN = 3  # breaches that a refusal names; all are counted
 
+OF_RECORDINGS = (
+    '`rampcast doctor` shows where; to go on all the same give --accept-doubtful (rc.read: doubtful="accept")'
+)
+
 
 class Doubtful(Enum):
-    """What to do with a recording that is not as roads and vehicles are."""
+    """What to do with a recording, or with a frame of a stream, that is not as roads and vehicles are."""
 
     REFUSE = "refuse"
     ACCEPT = "accept"
@@ -62,12 +66,14 @@ class Breach:
         )
 
 
-def refuse(breaches: Sequence[Breach], *, doing: str) -> None:
+def refuse(breaches: Sequence[Breach], *, doing: str, what: str = "the recording", advice: str = OF_RECORDINGS) -> None:
     """Raises an error where a breach spoils a forecast.
 
     Args:
         breaches: what was found.
         doing: what is refused, as "forecast of i80".
+        what: is not as roads and vehicles are.
+        advice: how to go on.
 
     Raises:
         RecordingError: one does; it names the first of them.
@@ -77,10 +83,7 @@ def refuse(breaches: Sequence[Breach], *, doing: str) -> None:
         return
     named = "; ".join(str(breach) for breach in spoiling[:SHOWN])
     more = f"; and {len(spoiling) - SHOWN} more" if len(spoiling) > SHOWN else ""
-    raise RecordingError(
-        f"{doing} is refused, since the recording is not as roads and vehicles are: {named}{more}. `rampcast doctor` "
-        'shows where; to go on all the same give --accept-doubtful (rc.read: doubtful="accept")'
-    )
+    raise RecordingError(f"{doing} is refused, since {what} is not as roads and vehicles are: {named}{more}. {advice}")
 
 
 def over_parts(parts: Sequence[tuple[int, Sequence[Breach]]]) -> tuple[Breach, ...]:

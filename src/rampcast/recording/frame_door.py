@@ -7,15 +7,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from rampcast.recording.breach import Breach, refuse
+from rampcast.recording.breach import OF_RECORDINGS, Breach, refuse
 from rampcast.recording.cutting import FASTEST
 from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, MANY, SAME_PLACE, SLIP
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites import Site
+from rampcast.sites.site import NO_LANE
 
-IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds")  # the others may be noise
+IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes")  # the others may be noise
 
 Values = Float[np.ndarray, "vehicle"]
 
@@ -45,17 +46,23 @@ class _Case:
     cause: str
 
 
-def refused_frame(found: FrameFound, *, doing: str) -> None:
+def refused_frame(found: FrameFound, *, doing: str, what: str = "the recording", advice: str = OF_RECORDINGS) -> None:
     """Raises an error where vehicles of a frame would spoil its forecast; a few that are doubtful only pass.
 
     Args:
         found: what the door finds in the frame.
         doing: what is refused.
+        what: is not as roads and vehicles are.
+        advice: how to go on.
 
     Raises:
         RecordingError: a vehicle is where none can be or as fast as none is, or many are doubtful.
     """
-    refuse([one if one.name in IMPOSSIBLE else replace(one, most=MANY) for one in found.breaches], doing=doing)
+    refuse(
+        [one if one.name in IMPOSSIBLE else replace(one, most=MANY) for one in found.breaches],
+        doing=doing,
+        advice=advice,
+    )
 
 
 def frame_door(
@@ -67,7 +74,8 @@ def frame_door(
     length: Values | None = None,
     v: Values | None = None,
     before: Values | None = None,
-    elapsed: float = 0.1,
+    lane: Int[np.ndarray, "vehicle"] | None = None,
+    elapsed: float | Values = 0.1,
     frame: int | None = None,
 ) -> FrameFound:
     """Returns which vehicles of a frame can be believed, and what is wrong with the others.
@@ -79,6 +87,7 @@ def frame_door(
         length: [m]; NaN where not known.
         v: speeds as the sensor has them [m/s]; NaN where not known.
         before: x of the same vehicles a moment before [m]; NaN of those that are new.
+        lane: numbers in the site; `NO_LANE` where not known. None if the caller has made sure of them.
         elapsed: since then [s].
         frame: its number, for the breaches.
     """
@@ -87,15 +96,17 @@ def frame_door(
     with np.errstate(invalid="ignore"):
         moving = _of_motion(came, unknown if v is None else v, elapsed)
         cases = [*_of_places(site, x, y), *moving, _of_lengths(unknown if length is None else length)]
-    believable, found = np.ones(len(x), bool), []
-    for case in cases:
-        believable &= ~case.wrong
-        rows = np.flatnonzero(case.wrong)
-        if len(rows):
-            worst = int(rows[np.abs(np.nan_to_num(case.values[rows], nan=np.inf)).argmax()])
-            counted = (float(case.values[worst]), case.usual, len(rows), len(x), case.cause, 0.0)
-            found.append(Breach(case.name, case.what, "", vehicles[worst], frame, *counted))
-    return FrameFound(tuple(found), believable)
+        cases += [] if lane is None else [_of_lanes(site, lane)]
+    found = tuple(_breach(case, vehicles, frame) for case in cases if case.wrong.any())
+    return FrameFound(found, ~np.logical_or.reduce([case.wrong for case in cases]))
+
+
+def _breach(case: _Case, vehicles: Sequence[int | str], frame: int | None) -> Breach:
+    """Returns the worst vehicle's."""
+    rows = np.flatnonzero(case.wrong)
+    worst = int(rows[np.abs(np.nan_to_num(case.values[rows], nan=np.inf)).argmax()])
+    counted = (float(case.values[worst]), case.usual, len(rows), len(case.wrong), case.cause, 0.0)
+    return Breach(case.name, case.what, "", vehicles[worst], frame, *counted)
 
 
 def _of_places(site: Site, x: Values, y: Values) -> Iterator[_Case]:
@@ -112,14 +123,24 @@ def _of_places(site: Site, x: Values, y: Values) -> Iterator[_Case]:
     yield _Case("one_place", twice, x, "vehicles in the place of another [m]", usual, "one vehicle with two ids")
 
 
-def _of_motion(came: Values, v: Values, elapsed: float) -> Iterator[_Case]:
-    fastest = np.fmax(np.abs(came), np.abs(v))
-    what, usual, cause = "speeds that no vehicle has [m/s]", f"{FASTEST:g} m/s at most", "a jump, or a wrong unit"
+def _of_motion(came: Values, v: Values, elapsed: float | Values) -> Iterator[_Case]:
+    slipped = np.abs(came) - SLIP / elapsed  # where frames follow each other closely, a sensor's box slips fast
+    fastest = np.fmax(np.where(slipped > FASTEST, np.abs(came), 0.0), np.abs(v))
+    what, usual = "speeds that no vehicle has [m/s]", f"{FASTEST:g} m/s at most"
+    cause = "a jump, a wrong unit, or an id given to another vehicle"
     yield _Case("impossible_speeds", fastest > FASTEST, fastest, what, usual, cause)
     reach = SLIP / elapsed + IMPOSSIBLE_ACCELERATION * elapsed / 2
-    what, usual = "positions that the speed does not bear out [m/s]", f"{reach:.3g} m/s of difference at most"
+    what = "positions that the speed does not bear out [m/s]"
+    usual = f"{np.max(reach, initial=0.0):.3g} m/s of difference at most"
     cause = "two vehicles with one id, or speeds in another unit"
     yield _Case("jumps", np.abs(came - v) > reach, came - v, what, usual, cause)
+
+
+def _of_lanes(site: Site, lane: Int[np.ndarray, "vehicle"]) -> _Case:
+    numbers = [one.number for one in site.lanes]
+    wrong = ~np.isin(lane, [*numbers, NO_LANE])
+    what, usual = "lanes that the site has not", f"{', '.join(map(str, numbers))}, or {NO_LANE} where it is not known"
+    return _Case("unknown_lanes", wrong, lane.astype(float), what, usual, "the wrong site, or lanes counted otherwise")
 
 
 def _of_lengths(length: Values) -> _Case:

@@ -86,6 +86,12 @@ class Recording:
         return html_table(f"Recording: {self.site.title}", rows)
 
 
+def seconds_of(recording: Recording) -> dict[str, float]:
+    """Returns how long each window lasts, from its first frame to its last [s]."""
+    span = (pl.col(c.FRAME).max() - pl.col(c.FRAME).min()) * recording.time_step
+    return dict(recording.tracks.group_by(c.RECORDING, maintain_order=True).agg(span).iter_rows())
+
+
 def concatenate(recordings: Sequence[Recording]) -> Recording:
     """Returns one recording that holds the windows of all of them.
 

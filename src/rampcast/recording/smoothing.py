@@ -195,7 +195,11 @@ def _without_short_tracks(
     lengths = np.diff(np.append(starts, tracks.height))
     long = lengths >= SHORTEST_TRACK
     if not long.any():
-        raise RecordingError(f"no track of this recording has {SHORTEST_TRACK} frames or more")
+        raise RecordingError(
+            f"{', '.join(map(str, tracks[c.RECORDING].unique(maintain_order=True)))}: no track has {SHORTEST_TRACK} "
+            f"frames or more, the longest has {lengths.max()}; give a longer recording, or, if this one is long, the "
+            "column that keeps a vehicle's id"
+        )
     kept = tracks.filter(pl.Series(np.repeat(long, lengths)))
     kept_starts = np.concatenate([[0], np.cumsum(lengths[long])[:-1]])
     return kept, kept_starts, int(np.count_nonzero(~long))

@@ -197,7 +197,10 @@ def _check_lanes(site: Site, values: RampValues) -> None:
             f"expected ramp lanes and another lane as their target, got {list(values.lanes)} and {values.target_lane}"
         )
     if set(numbers) == set(values.lanes):
-        raise SiteError(f"site '{site.name}' has no lane beside those of the ramp that vehicles could merge into")
+        raise SiteError(
+            f"site '{site.name}' has no lane beside those of the ramp that vehicles could merge into: name fewer with "
+            "--ramp-lane, or say --no-ramp"
+        )
 
 
 def _check_zone(site: Site) -> None:

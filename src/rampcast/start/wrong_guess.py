@@ -4,6 +4,8 @@ from typing import Final
 
 from rampcast.doctor import Finding, Severity, examine
 from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.smoothing import SHORTEST_TRACK
 
 MOST_LANES: Final = 12
 # What the doctor finds where columns, units or axes are wrong, and the share from which on it is no accident.
@@ -13,6 +15,8 @@ TELLING: Final = {
 }  # fmt: skip
 TRY: Final = {
     "overlaps": "Is the length in the right unit (--unit length=ft), and are the lanes right (--column lane=NAME)?",
+    "cannot_smooth": "Is the vehicle's id in another column (--column vehicle=NAME), or the time in another unit "
+    "(--unit time=ms, --frame-rate)?",
     "against_traffic": "Is the road one of two directions (--plane), or the time running backwards?",
 }
 OTHERS: Final = "Is the unit of the positions (--unit x=ft) or of the time (--unit time=ms, --frame-rate) another?"
@@ -27,8 +31,14 @@ def wrong_in(recording: Recording) -> str:
             f"it would have {len(lanes)} lanes over {span:.0f} m: no road has. Are the positions in a plane, as a "
             "map's (--plane), or in another unit (--unit x=ft)?"
         )
-    worst = [one for one in examine(recording).findings if one.check.name in TELLING and _is_telling(one)]
+    telling = {*TELLING} - ({"cannot_smooth"} if _is_short(recording) else set())
+    worst = [one for one in examine(recording).findings if one.check.name in telling and _is_telling(one)]
     return _told(worst[0]) if worst else ""
+
+
+def _is_short(recording: Recording) -> bool:
+    """Returns whether there are too few frames for any track to be smoothed, whatever the columns mean."""
+    return recording.tracks[c.FRAME].n_unique() < SHORTEST_TRACK
 
 
 def _is_telling(finding: Finding) -> bool:

@@ -42,7 +42,8 @@ def need_ramp(recording: Recording) -> None:
     if not recording.site.has_ramp:
         raise RecordingError(
             f"site '{recording.site.name}' has no lane of role 'ramp': there is no merge to forecast; say which lane "
-            "is the ramp, and where it ends, with `rampcast site`"
+            "is the ramp, and where it ends, with `rampcast site`; if there is none, `rampcast forecast` without "
+            "--model forecasts those who drive there"
         )
 
 

@@ -6,14 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from rampcast.arguments import chosen
 from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
+from rampcast.recording.breach import Doubtful
+from rampcast.recording.frame_door import frame_door, refused_frame
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 from rampcast.traffic.moments import EDGE, SPAN, Rows, Traffic, select, traffic_of_rows
 
 NEEDED = (c.VEHICLE, c.X, c.Y)
 CAR = c.KINDS.index("car")
+GO_ON = 'Leave such vehicles out, or take them all the same with doubtful="accept" (rc.Stream, rc.Online)'
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,14 @@ class Stream:
         counts: see `StreamCounts`.
     """
 
-    def __init__(self, site: Site) -> None:
-        self.site = site
+    def __init__(self, site: Site, *, doubtful: Doubtful | str = Doubtful.REFUSE) -> None:
+        """Begins a stream.
+
+        Args:
+            site: the geometry.
+            doubtful: "accept" goes on with vehicles that no road has, which are refused otherwise.
+        """
+        self.site, self._accepts = site, chosen(Doubtful, doubtful, name="doubtful") is Doubtful.ACCEPT
         self.counts = StreamCounts()
         self._rows: Rows | None = None
         self._newest = -np.inf
@@ -65,11 +75,14 @@ class Stream:
                 `columns.KINDS`). y may be NaN.
 
         Raises:
-            RecordingError: the time is no finite number, a column is missing, or holds what it may not.
+            RecordingError: the time is no finite number, a column is missing, or holds what it may not; or a vehicle is
+                where none can be, or came there faster than any can. The stream is then as it was before.
         """
         if not np.isfinite(time):
             raise RecordingError(f"expected the time of a frame as a finite number of seconds, got {time!r}")
         rows, repeated = _once(_rows(float(time), frame))
+        if not self._accepts:
+            _check(self.site, self._rows, rows, float(time))
         late = time < self._newest
         self._newest = max(self._newest, float(time))
         together = rows if self._rows is None else _joined(self._rows, rows)
@@ -84,7 +97,23 @@ class Stream:
             repeated_rows=self.counts.repeated_rows + repeated + repeats,
         )
         self._rows = kept
-        return traffic_of_rows(self.site, self._newest, kept)
+        traffic = traffic_of_rows(self.site, self._newest, kept)
+        return replace(traffic, is_accepted=True) if self._accepts else traffic
+
+
+def _check(site: Site, known: Rows | None, rows: Rows, time: float) -> None:
+    """Raises RecordingError where vehicles of a frame are where none can be, or were elsewhere a moment before."""
+    before, elapsed = np.full((2, len(rows.x)), np.nan)
+    if known is not None and known.vehicle.dtype.kind == rows.vehicle.dtype.kind:
+        place = np.searchsorted(known.vehicle, rows.vehicle, side="right") - 1  # the last row of each, if it has one
+        again = np.flatnonzero((place >= 0) & (known.vehicle[place] == rows.vehicle)) if len(known.x) else place[:0]
+        since = np.abs(time - known.time[place[again]])
+        again, since = again[since > 0], since[since > 0]
+        before[again], elapsed[again] = known.x[place[again]], since
+    found = frame_door(
+        site, rows.vehicle.tolist(), rows.x, rows.y, length=rows.length, before=before, elapsed=elapsed, lane=rows.lane
+    )
+    refused_frame(found, doing=f"the frame at {time:g} s", what="it", advice=GO_ON)
 
 
 def _rows(time: float, frame: Any) -> Rows:
