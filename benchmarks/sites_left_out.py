@@ -3,7 +3,7 @@
 Run: python benchmarks/sites_left_out.py (needs the recordings in RAMPCAST_DATA; several minutes)
 
 The sites and vehicles are those of the pretrained model, fewer of each. Mean error [m] and share of truths in the 90 %
-band at 5, 10 and 15 s; of US 101 only the first seconds are known.
+band at 5, 10 and 15 s, of the roll-outs alone and as they are corrected; of US 101 only the first seconds are known.
 """
 
 import argparse
@@ -30,10 +30,11 @@ def main() -> None:
     """Prints a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=default_folder())
-    sites = sites_of(parser.parse_args().folder)
+    parser.add_argument("--only", metavar="SITE", help="leave out that site alone")
+    given = parser.parse_args()
     seconds = "".join(f" {second:g} s |" for second in SECONDS)
     print(f"| site left out | forecasts | learned |{seconds}{seconds}\n|---|---:|---|{'---:|' * 2 * len(SECONDS)}")
-    for site, some, way, error, coverage in left_out(sites):
+    for site, some, way, error, coverage in left_out(sites_of(given.folder), given.only):
         numbers = [f"{one:.2f}" for one in error] + [f"{one:.0%}" for one in coverage]
         print(
             f"| {site} | {some:,} | {way} | {' | '.join(numbers).replace('nan%', '').replace('nan', '')} |", flush=True
@@ -49,13 +50,18 @@ def sites_of(folder: Path) -> dict[str, Training]:
     return {site: joined_training(parts) for site, parts in found.items()}
 
 
-def left_out(sites: dict[str, Training]) -> Iterator[tuple[str, int, str, np.ndarray, np.ndarray]]:
-    """Yields site, number of forecasts, way of learning, errors and shares in the band, for each of both."""
+def left_out(sites: dict[str, Training], only: str | None) -> Iterator[tuple[str, int, str, np.ndarray, np.ndarray]]:
+    """Yields site, number of forecasts, way of learning, errors and shares in the band, for each of the ways."""
     for site, own in sites.items():
+        if only not in (None, site):
+            continue
         others = joined_training([part for name, part in sites.items() if name != site])
         for way, training in {"pooled": replace(others, site=None), "sites apart": others}.items():
-            error, coverage = errors_of(fit_calibrated(training, spec=SPEC), own, own.truth[:, KNOTS])
-            yield site, len(own), way, error[AT], coverage[AT]
+            model = fit_calibrated(training, spec=SPEC)
+            alone = replace(model, in_lane=None, merging=None)
+            for name, one in {f"{way}, roll-outs alone": alone, f"{way}, corrected": model}.items():
+                error, coverage = errors_of(one, own, own.truth[:, KNOTS])
+                yield site, len(own), name, error[AT], coverage[AT]
 
 
 if __name__ == "__main__":

@@ -59,6 +59,23 @@ def test_the_compiled_roll_out_is_what_a_plain_loop_makes_of_it(seed):
     assert not changed[1].any()  # who may not
 
 
+def test_at_a_site_that_is_not_known_all_merge_sooner_or_later_in_the_same_samples():
+    """The mean of the logarithm of the pace is 0, and who merges first in a sample tells of the others."""
+    situation = situation_of_traffic(six(1))
+    known = model(hazard=-4.0, manners=ALONE)
+    unknown = replace(known, hazard=replace(known.hazard, unknown=1.5))
+    waited = {}
+    for made in (known, unknown):
+        driven = drive(made, begin(made, situation), samples=400, seed=1)
+        merged = driven.lane[:3] != driven.lane[:3, :, :1]
+        waited[made.hazard.unknown] = np.where(merged.any(axis=2), merged.argmax(axis=2), FUTURE)
+        # what the hazards give is what happens
+        happened = merged.any(axis=2).mean(axis=1)
+        np.testing.assert_allclose(1.0 - np.prod(1.0 - driven.chance[:3], axis=1), happened, atol=0.12)
+    together = {spread: np.corrcoef(steps)[0, 2] for spread, steps in waited.items()}
+    assert abs(together[0.0]) < 0.15 < 0.2 < together[1.5]
+
+
 @given(traffics(), st.sampled_from((-6.0, -1.0, 4.0)))
 @settings(max_examples=60, deadline=None)
 def test_every_sample_of_any_traffic_is_possible(traffic, hazard):
