@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rampcast.cli.compiled import cache_folder, keep_compiled_programs
+from rampcast.cli.compiled import COMPILING, cache_folder, keep_compiled_programs
 
 COMPUTE = """
 from rampcast.cli.compiled import keep_compiled_programs, replacing_damaged_programs
@@ -89,3 +89,20 @@ def test_a_damaged_program_of_numba_is_removed_and_said_so(tmp_path: Path) -> No
         path.write_bytes(b"damaged")
     assert "a damaged list of compiled programs; it is removed, call again" in run().stderr
     assert run().stdout == "8\n"
+
+
+def test_what_is_compiled_for_long_is_told_once_and_not_again_when_it_is_kept(tmp_path: Path) -> None:
+    body = "import numba\n" + "".join(f"@numba.njit(cache=True)\ndef by_{n}(x):\n    return {n} * x\n" for n in (2, 3))
+    (tmp_path / "loops.py").write_text(body)
+    code = (
+        "from rampcast.cli import compiled\nfrom loops import by_2, by_3\ncompiled.LONG = -1.0\n"
+        "with compiled.telling_of_compiling(print):\n    by_2(4), by_3(4)"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    told = [
+        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=tmp_path)
+        for _ in range(2)
+    ]
+    assert [one.returncode for one in told] == [0, 0], told[0].stderr
+    assert told[0].stdout.splitlines() == [COMPILING]
+    assert told[1].stdout == ""

@@ -5,9 +5,10 @@ jax has one folder for them in each process, so a library must not choose it; a 
 
 import os
 import tempfile
+import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,10 @@ FOLDER = "JAX_COMPILATION_CACHE_DIR"  # jax reads both when imported
 WORTH = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
 DAMAGED = "Error reading persistent compilation cache entry"  # as jax warns
 NUMBA_CACHE = os.path.join("numba", "core", "caching.py")
+LONG = 2.0  # [s] of compiling, after which it is told
+COMPILING = (
+    "compiling the forecaster: once after each installation, about half a minute on an idle core; it is kept on disk"
+)
 WORTH_KEEPING = 0.1  # [s] of compiling; below this, reading the program from disk saves nothing
 
 
@@ -71,6 +76,28 @@ def replacing_damaged_programs() -> Iterator[None]:
         raise RampcastError(f"{index}: a damaged list of compiled programs; it is removed, call again") from error
     finally:
         warnings.showwarning = show
+
+
+@contextmanager
+def telling_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
+    """Tells once if programs are compiled that are not kept on disk yet, or no longer, and that takes long."""
+    from numba.core import event  # only who computes waits for it
+
+    class Telling(event.Listener):
+        begun: float | None = None
+        told = False
+
+        def on_start(self, what: Any) -> None:
+            self.begun = self.begun or time.monotonic()
+            if not self.told and time.monotonic() - self.begun > LONG:
+                self.told = True
+                tell(COMPILING)
+
+        def on_end(self, what: Any) -> None:
+            """Tells nothing."""
+
+    with event.install_listener("numba:compile", Telling()):
+        yield
 
 
 def _index_of_numba(error: Exception) -> Path | None:

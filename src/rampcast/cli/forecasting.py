@@ -8,6 +8,7 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
+from rampcast.cli.compiled import telling_of_compiling
 from rampcast.cli.options import (
     AnyModel,
     Batch,
@@ -62,7 +63,7 @@ def forecast(
 
     kept: list[Recording] = []
     forecaster = trained_model(model)
-    with terminal.progress() as tell:
+    with terminal.progress() as tell, telling_of_compiling(terminal.note):
         parts = forecast_files(forecaster, [*(recordings or []), *(recording or [])], reading, every, tell, kept)
         written = write_forecasts(parts, out, suffixes=(".parquet", ".csv") if csv else (".parquet",))
     for path, rows in written.items():
@@ -183,7 +184,7 @@ def evaluate(
         say_paper_report(forecaster, test, out, every=every, seed=seed)
         return
     check_unseen(forecaster, test)
-    with terminal.progress() as tell:
+    with terminal.progress() as tell, telling_of_compiling(terminal.note):
         write_forecasts(told_parts(forecaster, test, every, tell), out, suffixes=(".parquet",))
     terminal.print_scores_of(out, test, as_json=json)
     if report is Report.RAMP:
@@ -259,7 +260,7 @@ def demo(out: OutFolder = Path("out/demo")) -> None:
     from rampcast.simulate import shipped_sample
 
     protocol, paper = replace(DEMO, command=user_command()), out / "paper"
-    with terminal.progress() as tell:
+    with terminal.progress() as tell, telling_of_compiling(terminal.note):
         page = run(shipped_sample(), paper, protocol=protocol, progress=tell)
         forecaster, test = load(paper / OURS), read_recording(shipped_sample()[1])
         write_forecasts(told_parts(forecaster, test, protocol.every, tell), out, suffixes=(".parquet",))

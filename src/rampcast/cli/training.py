@@ -7,6 +7,7 @@ import typer
 
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
+from rampcast.cli.compiled import telling_of_compiling
 from rampcast.cli.options import Batch, Epochs, Files, OutFolder, Seed, Start, Stride
 from rampcast.cli.reading import Reading, read_smoothed, reads_files
 from rampcast.errors import RampcastError
@@ -63,7 +64,7 @@ def train(
     if site_per_file:
         train_over_sites(recordings, out, reading, spec, started(start), paper)
         return
-    with terminal.progress() as tell:
+    with terminal.progress() as tell, telling_of_compiling(terminal.note):
         recording = read_smoothed(recordings, reading)
         if paper is None:
             model = own_of(recording, spec, started(start), out, tell)
@@ -111,7 +112,7 @@ def train_over_sites(
 
     if paper is not None:
         raise RampcastError("--site-per-file: the paper's framework is trained at one site; leave --paper out")
-    with terminal.progress() as tell:
+    with terminal.progress() as tell, telling_of_compiling(terminal.note):
         sites = [read_smoothed([file], reading) for file in files]
         model, scores = fit_sites(sites, spec=spec, start=start, kept=out / STAGES, progress=tell)
         save(model, out)
