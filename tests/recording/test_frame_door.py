@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rampcast.recording.frame_door import frame_door
+from rampcast.errors import RecordingError
+from rampcast.recording.frame_door import frame_door, refused_frame
 from rampcast.sites import load_site
 
 SITE = load_site("i80")
@@ -16,6 +17,15 @@ def test_a_frame_that_is_as_it_should_be_passes_with_what_is_not_known():
     assert frame_door(SITE, [1, 2, 3], X, Y, **SOUND).breaches == ()
     assert frame_door(SITE, [1, 2, 3], X, np.full(3, np.nan)).is_believable.all()
     assert frame_door(SITE, [], X[:0], Y[:0]).breaches == ()
+
+
+def test_more_vehicles_than_fit_on_the_road_are_refused_at_once():
+    x = np.linspace(0.0, 500.0, 500_000)
+    found = frame_door(SITE, range(len(x)), x, np.zeros(len(x)))
+    assert [one.name for one in found.breaches] == ["crowds"]
+    assert not found.is_believable.any()
+    with pytest.raises(RecordingError, match=r"more vehicles at once than fit .*500,000, expected 6,419 at most"):
+        refused_frame(found, doing="a forecast")
 
 
 @pytest.mark.parametrize(

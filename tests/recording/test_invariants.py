@@ -8,7 +8,7 @@ import pytest
 from rampcast.errors import RecordingError
 from rampcast.recording import Recording, clean, read_recording
 from rampcast.recording import columns as c
-from rampcast.recording.invariants import breaches_of, check_believable
+from rampcast.recording.invariants import breaches_of, check_believable, most_at_once
 from rampcast.simulate import shipped_sample
 from rampcast.sites import Lane, Site
 
@@ -60,6 +60,17 @@ def test_a_breach_is_named_and_refused_and_can_be_accepted(sound, name):
         check_believable(broken, doing="forecast")
     assert "--accept-doubtful" in str(raised.value)
     assert name in {one.name for one in check_believable(replace(broken, is_accepted=True), doing="forecast")}
+
+
+def test_a_moment_with_more_vehicles_than_fit_on_the_road_is_refused(sound):
+    most = most_at_once(sound.site)
+    row = sound.tracks.head(1)
+    crowd = pl.concat([row] * (most + 1)).with_columns(
+        vehicle=10_000 + pl.int_range(most + 1, dtype=row[c.VEHICLE].dtype)
+    )
+    found = {one.name: one for one in breaches_of(replace(sound, tracks=pl.concat([sound.tracks, crowd])))}
+    assert (found["crowds"].frame, found["crowds"].spoils) == (row[c.FRAME][0], True)
+    assert found["crowds"].value > most
 
 
 def test_a_breach_names_vehicle_frame_value_and_cause(sound):

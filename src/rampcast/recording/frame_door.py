@@ -11,12 +11,12 @@ from jaxtyping import Bool, Float, Int
 
 from rampcast.recording.breach import OF_RECORDINGS, Breach, refuse
 from rampcast.recording.cutting import FASTEST
-from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, MANY, SAME_PLACE, SLIP
+from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, MANY, SAME_PLACE, SLIP, most_at_once
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 
-IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes")  # the others may be noise
+IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes", "crowds")  # the others may be noise
 
 Values = Float[np.ndarray, "vehicle"]
 
@@ -93,6 +93,8 @@ def frame_door(
     """
     unknown = np.full(len(x), np.nan)
     came = (x - (unknown if before is None else before)) / elapsed
+    if (crowd := _crowd(site, len(x), frame)) is not None:
+        return FrameFound((crowd,), np.zeros(len(x), bool))
     with np.errstate(invalid="ignore"):
         moving = _of_motion(came, unknown if v is None else v, elapsed)
         cases = [*_of_places(site, x, y), *moving, _of_lengths(unknown if length is None else length)]
@@ -107,6 +109,16 @@ def _breach(case: _Case, vehicles: Sequence[int | str], frame: int | None) -> Br
     worst = int(rows[np.abs(np.nan_to_num(case.values[rows], nan=np.inf)).argmax()])
     counted = (float(case.values[worst]), case.usual, len(rows), len(case.wrong), case.cause, 0.0)
     return Breach(case.name, case.what, "", vehicles[worst], frame, *counted)
+
+
+def _crowd(site: Site, count: int, frame: int | None) -> Breach | None:
+    """Returns that there are more vehicles than fit on the road, if so."""
+    if count <= (most := most_at_once(site)):
+        return None
+    what, usual = "more vehicles at once than fit on the road", f"{most:,} at most"
+    return Breach(
+        "crowds", what, "", None, frame, float(count), usual, count, count, "frames of many moments in one", 0.0
+    )
 
 
 def _of_places(site: Site, x: Values, y: Values) -> Iterator[_Case]:

@@ -19,6 +19,7 @@ from rampcast.recording.breach import Breach, refuse
 from rampcast.recording.cutting import FASTEST
 from rampcast.recording.recording import KEY, READ_FIRST, Recording
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, SHORTEST_STEP
+from rampcast.sites import Site
 
 BESIDE = 500.0  # [m] and half the section before and behind it: the originals of NGSIM go 9 % beyond
 ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
@@ -36,11 +37,7 @@ FEW = 20  # rows below which shares tell nothing
 FEWEST = 3  # vehicles of a lane that tell its direction
 SAME_UNIT = 0.05  # by which a ratio of speeds may be off a unit's factor
 RARE, SOME, MANY, HALF = 0.001, 0.01, 0.1, 0.5  # shares of rows, or of vehicles
-UNITS = {
-    "km/h": 3.6,
-    "miles per hour": 1 / 0.44704,
-    "feet per second": 1 / 0.3048,
-}  # of a speed in them over one in m/s
+UNITS = {"km/h": 3.6, "miles per hour": 1 / 0.44704, "feet per second": 1 / 0.3048}  # of a speed over one in m/s
 
 Row = Float[np.ndarray, "row"]
 
@@ -101,6 +98,11 @@ class _Rows:
 
 
 Check = Callable[[_Rows], Breach | None]
+
+
+def most_at_once(site: Site) -> int:
+    """Returns how many of the shortest cars fit into the lanes of a site, and of what may be seen beside it."""
+    return int(len(site.lanes) * 2 * (site.length + BESIDE) / CAR_LENGTHS[0])
 
 
 def breaches_of(recording: Recording) -> tuple[Breach, ...]:
@@ -334,15 +336,8 @@ def _lengths(rows: _Rows) -> Breach | None:
     length = rows.tracks[c.LENGTH].to_numpy().astype(float)
     found = (length < LENGTHS[0]) | (length > LENGTHS[1])
     words = {"what": "lengths that no vehicle has [m]", "expected": f"{LENGTHS[0]:g} to {LENGTHS[1]:g} m"}
-    single = rows.breach(
-        "impossible_lengths",
-        found,
-        length,
-        len(found),
-        MANY,
-        **words,
-        cause="another unit of lengths than of positions",
-    )
+    cause = "another unit of lengths than of positions"
+    single = rows.breach("impossible_lengths", found, length, len(found), MANY, **words, cause=cause)
     if single is not None and single.spoils:
         return single
     cars = rows.tracks.filter((pl.col(c.KIND) == "car") & (pl.col(c.LENGTH) > 0))[c.LENGTH]
@@ -383,7 +378,21 @@ def _one_place(rows: _Rows) -> Breach | None:
     return rows.breach("one_place", is_found, rows.x, len(rows.x), MANY, **words, cause=cause)
 
 
+def _crowds(rows: _Rows) -> Breach | None:
+    """Returns moments with more vehicles than fit on the road: a forecast of half a million would take for ever."""
+    most = most_at_once(rows.recording.site)
+    counts = rows.tracks.group_by(c.RECORDING, c.FRAME).len().sort("len", c.FRAME, descending=True)
+    crowded = counts.filter(pl.col("len") > most)
+    if crowded.is_empty():
+        return None
+    window, frame, count = crowded.row(0)
+    return Breach(
+        "crowds", "moments with more vehicles than fit on the road", str(window), None, frame, float(count),
+        f"{most:,} at most", crowded.height, counts.height, "times that are all alike, or files of many places", 0.0,
+    )  # fmt: skip
+
+
 CHECKS: tuple[Check, ...] = (
     _no_numbers, _time_step, _holes, _places, _lateral, _speeds, _jumps, _accelerations, _smoothed_speeds,
-    _recorded_speeds, _directions, _lengths, _lanes, _one_place,
+    _recorded_speeds, _directions, _lengths, _lanes, _one_place, _crowds,
 )  # fmt: skip
