@@ -38,10 +38,11 @@ BEGIN = datetime(2026, 3, 2, 6, tzinfo=UTC).timestamp()
 
 @dataclass(frozen=True)
 class Run:
-    """What a run took."""
+    """What a run took: of processor time in all, and by the process that had most, for its parts."""
 
     seconds: float
     cpu: float
+    longest: float
     peak: float
     forecasts: int
 
@@ -61,15 +62,18 @@ def main() -> None:
         size = sum(file.stat().st_size for file in files)
         rows = sum(int(pl.scan_parquet(file).select(pl.len()).collect().item()) for file in files)
         print(f"{rows:,} rows in {len(files)} files, {size / 1e6:,.0f} MB, made in {time.perf_counter() - begin:.0f} s")
-        print(f"{'processes':>9}{'seconds':>9}{'CPU s':>9}{'rows/s':>9}{'peak MB':>9}{'forecasts':>11}{'load':>7}")
+        heads = f"{'processes':>9}{'seconds':>9}{'CPU s':>9}{'longest':>9}{'rows/s':>9}{'peak MB':>9}{'forecasts':>11}"
+        print(f"{heads}{'load':>7}")
         runs = {}
         for processes in chosen.processes:
             out = Path(folder) / f"out{processes}"
             one = runs[processes] = run(files, out, processes, every=chosen.every, window=chosen.window)
-            line = f"{processes:>9}{one.seconds:>9.0f}{one.cpu:>9.0f}{rows / one.seconds:>9,.0f}{one.peak:>9,.0f}"
-            print(f"{line}{one.forecasts:>11,}{os.getloadavg()[1]:>7.1f}", flush=True)
+            times = f"{one.seconds:>9.0f}{one.cpu:>9.0f}{one.longest:>9.0f}{rows / one.seconds:>9,.0f}"
+            line = f"{processes:>9}{times}{one.peak:>9,.0f}{one.forecasts:>11,}"
+            print(f"{line}{os.getloadavg()[1]:>7.1f}", flush=True)
     least, most = runs[min(runs)], runs[max(runs)]
     print_ratio(f"time of {min(runs)} process over that of {max(runs)}", least.seconds / most.seconds)
+    print_ratio("the same by the processor time of the process that had most", least.longest / most.longest)
     print_ratio(f"processor time of {max(runs)} processes over that of {min(runs)}", most.cpu / least.cpu)
     print(TARGET)
 
@@ -83,7 +87,8 @@ def run(files: list[Path], out: Path, processes: int, *, every: float, window: f
     seconds, cpu = time.perf_counter() - begin, _cpu() - before
     sites = pl.read_parquet(out / "sites.parquet")
     forecasts = pl.read_parquet(out / "site_conflicts.parquet").filter(site="all", measure="pet")["n"].sum()
-    return Run(seconds, cpu, float(sites["peak_mb"].max() or 0.0), int(forecasts))
+    longest = pl.read_parquet(out / "parts.parquet").group_by("process").agg(pl.col("cpu_seconds").sum())["cpu_seconds"]
+    return Run(seconds, cpu, float(longest.max() or 0.0), float(sites["peak_mb"].max() or 0.0), int(forecasts))
 
 
 def _cpu() -> float:

@@ -1,6 +1,7 @@
 """Does one task of a batch, in a process of its own, here or on another machine."""
 
 import json
+import os
 import time
 import traceback
 from pathlib import Path
@@ -20,19 +21,21 @@ def run_task(task: Task) -> Record:
 
     A file that cannot be read, or whatever else goes wrong, is part of what is returned: it spoils no other task.
     """
-    started = time.monotonic()
+    started, started_cpu = time.monotonic(), time.process_time()
     try:
         key = task.key()
         if (before := done_before(task)) is not None and before.get("key") == key and _goes_on(task, before):
             return before
         with choosing_threads(1):
-            found = {"key": key, "error": None} | _done(task)
+            found: Record = {"key": key, "error": None} | _done(task)
     except PLAIN as error:
         return failed(task, str(error))
     except Exception as error:  # whatever it is, the other tasks go on
         told = f"{type(error).__name__}: {error}; please report it with\n{traceback.format_exc()}"
         return failed(task, told)
-    found |= task.about | {"seconds": round(time.monotonic() - started, 3), "peak_mb": peak_memory()}
+    took = {"seconds": time.monotonic() - started, "cpu_seconds": time.process_time() - started_cpu}
+    found |= task.about | {name: round(value, 3) for name, value in took.items()}
+    found["process"], found["peak_mb"] = os.getpid(), peak_memory()
     with whole(task.record) as path:
         path.write_text(json.dumps(found, indent=1), encoding="utf-8")
     return found

@@ -27,6 +27,8 @@ PART: Final = {
     "findings": pl.Int64(),
     "simulated": pl.Boolean(),
     "seconds": pl.Float64(),
+    "cpu_seconds": pl.Float64(),
+    "process": pl.Int64(),
     "peak_mb": pl.Float64(),
 }
 FINDING: Final = {
