@@ -4,7 +4,7 @@
 # make view   installs and plays a simulated recording with its forecasts in the browser
 # make dist   builds the source distribution and the wheel in dist/, and has them and the conda recipe checked
 # make docs-version   builds the pages as this version's on the local branch gh-pages, beside those of others
-# make versions   installs on each Python 3.11 to 3.13 that is there, and in the lowest versions, and runs the quick tests
+# make versions   installs on each Python 3.11 to 3.13 that is there, and in the lowest versions, runs the quick tests, and compares forecasts
 # make fuzz       fuzzes the readers of csv, json and xml, led by the code they reach, for SECONDS each (1200)
 # make soak   installs and runs the live service under load for an hour (SECONDS=300: five minutes)
 # make container does in a fresh virtual environment what deploy/Dockerfile does, and tells how much [live] adds
@@ -55,6 +55,7 @@ container:
 
 versions:
 	@for python in $(or $(PYTHONS),python3.11 python3.12 python3.13); do .ci/version $$python newest || exit 1; done
+	$(PYTHON) benchmarks/same_over_pythons.py .venv-versions/*-newest/bin/python
 	.ci/version python3.11 lowest
 
 fuzz: $(VENV)/.installed-fuzz

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import polars as pl
@@ -26,6 +27,7 @@ pytestmark = pytest.mark.slow
 
 SPEC = ForecasterSpec(spacing=2.0, model=CalibratedSpec(samples=16, folds=2, correction=CorrectionSpec(trees=6)))
 NOBODY: dict[str, list[float]] = {"vehicle": [], "x": [], "y": []}
+online_of = partial(rc.Online, doubtful="accept")  # made-up vehicles drive on beyond the section
 NARROWNESS = 0.4  # of roll-outs' spread
 NOISE = 0.25  # [m/s^1.5] of speeds that wander
 AT = 20.0  # [s] when there is much traffic
@@ -99,7 +101,7 @@ def wandering(*, seconds: int, rate: int = 2, vehicles: int = 12) -> Iterator[tu
 
 
 def test_a_stream_at_10_hz_gives_the_forecasts_of_the_moments_bit_for_bit(forecaster, recording):
-    online = rc.Online(forecaster)
+    online = online_of(forecaster)
     compared = 0
     for time, frame in frames(recording, until=6.0):
         found = online.push(time, frame)
@@ -111,7 +113,7 @@ def test_a_stream_at_10_hz_gives_the_forecasts_of_the_moments_bit_for_bit(foreca
 
 
 def test_without_recalibration_all_forecasts_are_those_of_the_moments(narrow, recording):
-    online = rc.Online(narrow, recalibration=None)
+    online = online_of(narrow, recalibration=None)
     for time, frame in frames(recording, until=AT):
         if time >= AT - 5.0:
             found = online.push(time, frame)
@@ -120,7 +122,7 @@ def test_without_recalibration_all_forecasts_are_those_of_the_moments(narrow, re
 
 
 def test_the_coverage_of_bands_that_are_too_narrow_returns_to_nine_tenths(narrow):
-    online, plain = rc.Online(narrow), rc.Online(narrow, recalibration=None)
+    online, plain = online_of(narrow), online_of(narrow, recalibration=None)
     for time, frame in wandering(seconds=70):
         found = online.push(time, frame)
         assert_possible(found)
@@ -166,7 +168,7 @@ def test_a_scale_holds_for_a_model_without_corrections_too(forecaster, recording
 
 
 def test_late_and_repeated_frames_change_what_is_known_and_score_nothing_twice(forecaster):
-    online = rc.Online(forecaster)
+    online = online_of(forecaster)
     some = list(wandering(seconds=12))
     for time, frame in some[:-2]:
         online.push(time, frame)
@@ -182,14 +184,14 @@ def test_late_and_repeated_frames_change_what_is_known_and_score_nothing_twice(f
     assert not np.array_equal(late.samples, again.samples)
     assert len(online.recalibration.scores.score) == scores > 0
     assert len(online.recalibration.pending) == pending
-    in_order, in_disorder = (rc.Online(forecaster, recalibration=None) for _ in range(2))
+    in_order, in_disorder = (online_of(forecaster, recalibration=None) for _ in range(2))
     for (time, frame), (other_time, other_frame) in zip(some, [*some[:-2], some[-1], some[-2]], strict=True):
         found = in_order.push(time, frame), in_disorder.push(other_time, other_frame)
     assert_same(*found)
 
 
 def test_cameras_that_see_vehicles_in_turn_give_truths_of_all(forecaster):
-    online = rc.Online(forecaster)
+    online = online_of(forecaster)
     for time, frame in wandering(seconds=4, rate=5):
         for half in range(2):
             rows = frame["vehicle"] % 2 == half
@@ -200,7 +202,7 @@ def test_cameras_that_see_vehicles_in_turn_give_truths_of_all(forecaster):
 
 
 def test_with_nobody_there_the_forecast_is_empty_and_a_vehicle_named_by_a_text_may_come(forecaster):
-    online = rc.Online(forecaster)
+    online = online_of(forecaster)
     for tick in range(30):
         assert len(online.push(tick / 10, NOBODY)) == 0
     for tick in range(30, 60):
@@ -210,7 +212,7 @@ def test_with_nobody_there_the_forecast_is_empty_and_a_vehicle_named_by_a_text_m
 
 
 def test_a_reset_stream_begins_anew_and_its_recalibration_can_be_handed_on(narrow):
-    online = rc.Online(narrow)
+    online = online_of(narrow)
     for time, frame in wandering(seconds=30):
         online.push(time, frame)
     learned = online.recalibration
@@ -218,20 +220,20 @@ def test_a_reset_stream_begins_anew_and_its_recalibration_can_be_handed_on(narro
     online.reset()
     assert online.counts.frames == 0
     assert (online.recalibration.factors == 1.0).all()
-    after = rc.Online(narrow, recalibration=learned)
+    after = online_of(narrow, recalibration=learned)
     np.testing.assert_array_equal(after.recalibration.factors, learned.factors)
     assert isinstance(after.recalibration, Recalibration)
 
 
 def test_another_site_is_refused(forecaster):
     with pytest.raises(ModelError, match="us101"):
-        rc.Online(forecaster, load_site("us101"))
+        online_of(forecaster, load_site("us101"))
 
 
 def test_a_forecaster_of_any_site_is_told_which_one_the_stream_is_of(forecaster):
     with pytest.raises(ModelError, match="site="):
-        rc.Online(replace(forecaster, site=None))
-    assert rc.Online(replace(forecaster, site=None), load_site("us101")).site.name == "us101"
+        online_of(replace(forecaster, site=None))
+    assert online_of(replace(forecaster, site=None), load_site("us101")).site.name == "us101"
 
 
 def test_moments_driven_together_are_forecast_as_one_by_one(forecaster, recording):
@@ -245,7 +247,7 @@ def test_moments_driven_together_are_forecast_as_one_by_one(forecaster, recordin
 
 
 def test_loops_are_compiled_once_whatever_the_number_of_vehicles():
-    online = rc.Online(rc.load("pretrained"), load_site("i80"))
+    online = online_of(rc.load("pretrained"), load_site("i80"))
     loops = (roll_out_kernel.drive, projection.project, projection.shifts)
     counts = []
     for number, vehicles in enumerate((3, 1, 2)):

@@ -11,12 +11,13 @@ from jaxtyping import Bool, Float, Int
 
 from rampcast.recording.breach import OF_RECORDINGS, Breach, refuse
 from rampcast.recording.cutting import FASTEST
-from rampcast.recording.invariants import ASIDE, BESIDE, LENGTHS, MANY, SAME_PLACE, SLIP, most_at_once
+from rampcast.recording.invariants import ASIDE, BESIDE, HALF, LENGTHS, MANY, SAME_PLACE, SLIP, most_at_once
 from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 
 IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes", "crowds")  # the others may be noise
+MAY_BE = {"one_place": HALF}  # share that sensors do: one vehicle that two of them see
 
 Values = Float[np.ndarray, "vehicle"]
 
@@ -58,11 +59,10 @@ def refused_frame(found: FrameFound, *, doing: str, what: str = "the recording",
     Raises:
         RecordingError: a vehicle is where none can be or as fast as none is, or many are doubtful.
     """
-    refuse(
-        [one if one.name in IMPOSSIBLE else replace(one, most=MANY) for one in found.breaches],
-        doing=doing,
-        advice=advice,
-    )
+    counted = [
+        replace(one, most=0.0 if one.name in IMPOSSIBLE else MAY_BE.get(one.name, MANY)) for one in found.breaches
+    ]
+    refuse(counted, doing=doing, what=what, advice=advice)
 
 
 def frame_door(
