@@ -18,7 +18,7 @@ def main(folder: str) -> None:
     runs = pl.read_parquet(Path(folder) / "runs.parquet")
     demands = runs["demand"].unique(maintain_order=True).to_list()
     against = {base: compared(runs, baseline=base, measure="total_time") for base in BASES}
-    head = [*demands, "from no control", "from ALINEA", "p, p", "conflicts a merge", "hard brakings", "longest wait [s]"]
+    head = [*demands, "from no control", "from ALINEA", "p, p", "conflicts", "hard brakings", "longest wait [s]"]
     print(f"{runs['seed'].n_unique()} seeds, {runs.height} runs")
     print("| controller | " + " | ".join(head) + " |\n|---" + "|---" * len(head) + "|")
     for name in runs["controller"].unique(maintain_order=True).to_list():
