@@ -21,6 +21,7 @@ from rampcast.batch.tables import pooled as pooled_scores
 from rampcast.batch.task import Task
 from rampcast.errors import RampcastError
 from rampcast.recording.recording import read_recording, write_recording, write_recordings
+from rampcast.sites import write_site
 from tests.made_up_traffic import random_traffic
 
 
@@ -278,3 +279,32 @@ def test_another_format_is_read_once_and_goes_on_in_parts_without_what_was_read(
     sorted(plan.out.rglob("recording.parquet"))[0].unlink()
     batch(plan, processes=1)  # the file is read again, since a part needs it
     assert len(list(plan.out.rglob("recording.parquet"))) == done.tables["parts"].height
+
+
+def test_the_ramp_that_a_site_file_says_is_that_of_all_parts(tmp_path):
+    made = random_traffic(5, vehicles=6, seconds=20.0, name="i80-5")
+    write_recording(made, tmp_path / "a.parquet")
+    nearer = replace(made.site, ramp_end=made.site.ramp_end - 20.0)
+    write_site(nearer, tmp_path / "nearer.toml")
+    more = {"site": str(tmp_path / "nearer.toml"), "do": ("convert",), "window": 10.0, "accept_doubtful": True}
+    out = done_serially(plan_of_files([tmp_path / "a.parquet"], tmp_path / "out", **more))
+    found = [read_recording(path).site for path in sorted((out / "recordings").rglob("*.parquet"))]
+    assert found
+    assert all(site == nearer for site in found)
+    write_site(replace(made.site, name="other"), tmp_path / "other.toml")
+    other = plan_of_files([tmp_path / "a.parquet"], tmp_path / "out2", **more | {"site": str(tmp_path / "other.toml")})
+    assert "leave the site out" in run_task(Task(other.files[0], other))["error"]
+
+
+def test_a_recording_without_rows_fails_and_says_so(tmp_path):
+    made = random_traffic(5, vehicles=6, seconds=20.0, name="i80-5")
+    write_recording(replace(made, tracks=made.tracks.clear()), tmp_path / "a.parquet")
+    plan = plan_of_files([tmp_path / "a.parquet"], tmp_path / "out", do=("convert",))
+    assert "a recording without rows" in run_task(Task(plan.files[0], plan))["error"]
+
+
+def test_a_whole_file_tells_its_hours(tmp_path):
+    write_recording(random_traffic(5, vehicles=6, seconds=36.0, name="i80-5"), tmp_path / "a.parquet")
+    plan = plan_of_files([tmp_path / "a.parquet"], tmp_path / "out", do=("convert",), window=0.0, accept_doubtful=True)
+    done = batch(plan, processes=1)
+    assert done.tables["sites"]["hours"][0] == pytest.approx(41.2 / 3600.0, abs=1e-4)  # the last has driven on by then

@@ -37,6 +37,15 @@ def fitted(sites):
     return fit_sites(sites, spec=SPEC)
 
 
+def test_windows_of_several_recordings_and_sites_are_told_apart(sites):
+    part = over_sites.training_of(sites[0], spacing=4.0, tell=lambda *_: None)
+    of_site = over_sites._together([part, part, part], apart=over_sites.WINDOWS)
+    found = over_sites._together([of_site, of_site], apart=over_sites.OF_SITE)
+    windows = {group.split("-")[0] for group in found.group.tolist()}
+    assert len(windows) == 6
+    assert len(found) == 6 * len(part)
+
+
 @pytest.mark.slow
 def test_a_forecaster_of_several_sites_forecasts_one_that_it_never_saw(fitted):
     forecaster, _ = fitted

@@ -11,6 +11,7 @@ import pytest
 from rampcast.doctor.diagnosis import examine
 from rampcast.errors import FormatError, RecordingError
 from rampcast.formats import read_all, read_any
+from rampcast.formats.readers import own
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import Recording, clean, write_recording
 from rampcast.recording import columns as c
@@ -296,3 +297,12 @@ def test_a_recording_of_ours_is_read_with_the_ramp_that_a_site_file_says(tmp_pat
     write_site(moved, tmp_path / "moved.toml")
     with pytest.raises(RecordingError, match="has another name, lanes or reference line; leave the site out"):
         read_any([tmp_path / "o.parquet"], site=tmp_path / "moved.toml")
+
+
+def test_a_road_10_m_beside_another_of_a_map_is_another(tmp_path):
+    """Numbers of a map are large: what is near is told in metres, and not as a part of them."""
+    recording = recording_of(15.0 * 0.1 * np.arange(30), range(30))
+    north = ((500_000.0, 4_190_000.0), (501_000.0, 4_190_000.0))
+    site = replace(recording.site, reference=north)
+    assert own._is_same_road(site, replace(site, reference=tuple((x, y + 0.004) for x, y in north)))
+    assert not own._is_same_road(site, replace(site, reference=tuple((x, y + 10.0) for x, y in north)))

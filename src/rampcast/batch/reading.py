@@ -27,34 +27,23 @@ MOST_PARTS: Final = 100_000  # of a window: five minutes each for a year
 def read_sources(file: Path, plan: Plan) -> Record:
     """Returns which recordings of rampcast's own hold the rows of a file, and what they span.
 
-    A file of another format is converted first: I-24 MOTION's part by part, others whole in memory.
+    A file of another format, or one that another site is asked for, is converted first: I-24 MOTION's part by part,
+    others whole in memory.
     """
     heads = heads_of(file)
-    if plan.mapping is None and format_of(heads, plan.format) is OWN:
-        _check_site(file, plan)
+    is_own = plan.mapping is None and format_of(heads, plan.format) is OWN
+    if is_own and (plan.site is None or site_of(plan.site) == read_description(file).site):
         sources, findings = [file], []
     else:
         sources, report = _converted(file, plan)
-        findings = [found(one, part=None) for one in examine_reading(report)]
+        findings = [found(one) for one in examine_reading(report)]
     return {"roads": [], "sources": [_source(path, plan.window) for path in sources], "found": findings}
 
 
-def found(finding: Any, *, part: int | None) -> dict[str, Any]:
+def found(finding: Any) -> dict[str, Any]:
     """Returns a finding of the doctor as records keep it."""
     kept = {"severity": finding.severity.value, "name": finding.check.name, "title": finding.check.title}
-    return {"part": part} | kept | {"count": finding.count, "of": finding.of}
-
-
-def _check_site(file: Path, plan: Plan) -> None:
-    """Raises RecordingError if a recording is of another site than the plan says."""
-    if plan.site is None:
-        return
-    asked, own = site_of(plan.site).name, read_description(file).site.name
-    if asked != own:
-        raise RecordingError(
-            f"{file}: this recording was made with site '{own}', and the site asked for is '{asked}'; leave the site "
-            "out, or convert the original again"
-        )
+    return kept | {"count": finding.count, "of": finding.of}
 
 
 def _converted(file: Path, plan: Plan) -> tuple[list[Path], ReadReport]:

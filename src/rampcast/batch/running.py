@@ -101,7 +101,8 @@ def _fed(pool: ProcessPoolExecutor, tasks: Sequence[Task], count: int) -> Iterat
     rest, is_broken = iter(tasks), False
     while True:
         if not is_broken:
-            waiting |= {pool.submit(run_task, task): task for task in islice(rest, count - len(waiting))}
+            with suppress(BrokenProcessPool):  # a process died since: what ran says so, the others are done next time
+                waiting |= {pool.submit(run_task, task): task for task in islice(rest, count - len(waiting))}
         if not waiting:
             return
         for future in wait(waiting, return_when=FIRST_COMPLETED).done:

@@ -27,12 +27,13 @@ from rampcast.recording import columns as c
 from rampcast.recording.cutting import BESIDE, cut_tracks
 from rampcast.recording.extents import EDGE, read_span, within
 from rampcast.recording.invariants import check_believable
-from rampcast.recording.recording import KEY, read_description, write_recording
+from rampcast.recording.recording import KEY, read_description, seconds_of, write_recording
 from rampcast.recording.smoothing import LONGEST_FILLED_GAP, SHORTEST_TRACK
 from rampcast.traffic.moments import SPAN, times_between
 
 NO_DAY: Final = "unknown"
 LIKELY: Final = 0.5  # probability from which a conflict is counted as one to come
+WHOLE: Final = "--window 0 (in a plan: window = 0)"
 
 
 @dataclass(frozen=True)
@@ -68,14 +69,15 @@ def do_whole(file: Path, plan: Plan) -> Record:
     if "doctor" in plan.do:
         diagnosis = doctor(recordings, report)
         _write_doctor(diagnosis, plan.out / "doctor" / f"{file.stem}.json")
-        roads, findings = list(diagnosis.roads), [found(one, part=None) for one in diagnosis.in_files]
+        roads, findings = list(diagnosis.roads), [found(one) for one in diagnosis.in_files]
     facts = []
     for one, about in zip(recordings, roads, strict=True):
         accepted = replace(one, is_accepted=plan.accept_doubtful)
         began = min(one.began.values(), default=None)
         forecasts = partial(_in_parts, accepted, plan.every)
         piece = Piece(str(file), accepted, accepted, began, forecasts)
-        facts.append(_done(plan, piece, Path(f"file={file.stem}"), about))
+        span = {"begin": 0.0, "end": sum(seconds_of(one).values())}
+        facts.append(_done(plan, piece, Path(f"file={file.stem}"), about) | span)
     return {"roads": facts, "sources": [], "found": findings}
 
 
@@ -99,7 +101,7 @@ def do_part(file: Path, plan: Plan, part: Part) -> Record:
     def forecasts(model: RecordingForecaster) -> Parts:
         if not isinstance(model, Forecaster):
             raise RecordingError(
-                f"the model {plan.model} forecasts recordings as a whole: give --window 0, which makes each file a task"
+                f"the model {plan.model} forecasts recordings as a whole: give {WHOLE}, which makes each file a task"
             )
         return model.at_times(around, {part.window: times} if around.tracks.height else {})
 
@@ -126,7 +128,7 @@ def _around(part: Part) -> Recording:
         if at.is_between(begin, end).any():
             raise RecordingError(
                 f"{part.source}: vehicles of '{part.window}' jump between {begin:g} and {end:g} s, and a jump is cut "
-                "only in a whole recording; write it again with `rampcast convert`, which cuts them, or give --window 0"
+                f"only in a whole recording; write it again with `rampcast convert`, which cuts them, or give {WHOLE}"
             )
     return within(wide, begin, end)
 
@@ -148,7 +150,7 @@ def _done(plan: Plan, piece: Piece, below: Path, about: RoadDiagnosis | None) ->
         "rows": recording.tracks.height,
         "spoils": None if about is None else about.spoils,
         "findings": None if about is None else len(about.findings),
-        "found": [] if about is None else [found(one, part=None) for one in about.findings],
+        "found": [] if about is None else [found(one) for one in about.findings],
     }
     files: list[Path] = []
     if "convert" in plan.do and recording.tracks.height:

@@ -12,7 +12,6 @@ from rampcast.files import write_whole
 
 ALL: Final = "all"  # in the place of a site's name
 SHOWN: Final = (5.0, 15.0)  # [s] ahead, of scores and conflicts in the table of sites
-SPOILS: Final = "spoils a forecast"
 PART: Final = {
     "file": pl.String(),
     "site": pl.String(),

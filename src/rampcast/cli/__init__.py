@@ -21,7 +21,7 @@ ADVICE = {
     errno.EROFS: RIGHTS,
 }
 
-GOES_ON = {"train", "reproduce", "demo", "batch"}  # where an interrupted run is taken up
+GOES_ON = {"train", "reproduce", "demo", "batch", "experiment"}  # where an interrupted run is taken up
 PAGE = re.compile(r"docs/([\w/-]+)\.md")
 STOPPED = 130  # as a shell counts Ctrl-C
 

@@ -1,11 +1,12 @@
 """A forecaster of the road of an experiment, learned from runs with the seeds that rules are tuned with.
 
-Who forecasts a road has seen it before: a model of other roads, which merge and queue otherwise, is worth less on this
-one than constant speeds (docs/control.md). The runs that are judged are never learned from.
+Who forecasts a road has seen it before: a model of other roads, which merge and queue otherwise, is worth no more on
+this one than constant speeds (docs/control.md). The runs that are judged are never learned from.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,7 +18,7 @@ import polars as pl
 from rampcast.control.controller import Controller
 from rampcast.control.loop import Loop
 from rampcast.control.plan import OWN, Job, Plan
-from rampcast.errors import ModelError
+from rampcast.errors import ModelError, RampcastError
 from rampcast.files import write_whole
 from rampcast.recording import Recording, clean
 from rampcast.recording import columns as c
@@ -84,9 +85,13 @@ def _recordings(jobs: Sequence[Job], out: Path, processes: int, tell: Tell) -> l
 
     paths = [out / LEARNED_FROM / f"{job.key}.parquet" for job in jobs]
     left = [(job, path) for job, path in zip(jobs, paths, strict=True) if not path.exists()]
-    with ProcessPoolExecutor(max(1, min(processes, len(left))), mp_context=get_context("spawn")) as pool:
-        for done, _ in enumerate(pool.map(record, *zip(*left, strict=True)) if left else (), start=1):
-            tell("recording this road", done, len(left))
+    try:
+        with ProcessPoolExecutor(max(1, min(processes, len(left))), mp_context=get_context("spawn")) as pool:
+            for done, _ in enumerate(pool.map(record, *zip(*left, strict=True)) if left else (), start=1):
+                tell("recording this road", done, len(left))
+    except BrokenProcessPool as error:
+        told = "a process that ran SUMO died; what was recorded is kept: call the same command again"
+        raise RampcastError(told) from error
     return [read(path) for path in paths]
 
 

@@ -27,7 +27,8 @@ from rampcast.recording.invariants import check_believable
 from rampcast.threads import choosing_threads
 
 MOST_OF_SITE = 6000  # vehicles at moments: no site shall drown the others
-WINDOWS = 1000  # more than a recording has: the first number of a group tells site and window
+WINDOWS = 1000  # more than a recording has: the first number of a group tells site, recording and window
+OF_SITE = WINDOWS**2  # more windows than all recordings of a site have
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def fit_sites(
     with choosing_threads(threads):
         parts = {name: _training(some, spec.spacing, tell) for name, some in sites.items()}
         scores = tuple(_score(name, parts, learn, stages, tell) for name in parts)
-        model = learn(_together(list(parts.values())), tell=partial(tell, "all sites"), stages=stages)
+        model = learn(_together(list(parts.values()), apart=OF_SITE), tell=partial(tell, "all sites"), stages=stages)
     stages.forget()
     return _of_any_site(model, recordings, hashes, spec), scores
 
@@ -141,31 +142,31 @@ def _by_site(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 def _training(recordings: Sequence[Recording], spacing: float, tell: Progress) -> Training:
     """Returns the vehicles of one site."""
     parts = [training_of(one, spacing=spacing, tell=partial(tell, f"moments of {one.site.name}")) for one in recordings]
-    found = _together(parts)
+    found = _together(parts, apart=WINDOWS)
     found = found.select(np.arange(len(found))[:: -(-len(found) // MOST_OF_SITE)])
     return replace(found, site=np.full(len(found), recordings[0].site.name))
 
 
-def _together(parts: Sequence[Training]) -> Training:
-    """Returns training vehicles as one; their windows stay told apart."""
+def _together(parts: Sequence[Training], *, apart: int) -> Training:
+    """Returns training vehicles as one; their windows stay told apart, by numbers that are so far `apart`."""
     told = [
-        replace(part, group=np.array([_renamed(number, name) for name in part.group.tolist()]))
+        replace(part, group=np.array([_renamed(number, name, apart) for name in part.group.tolist()]))
         for number, part in enumerate(parts)
     ]
     rate = float(np.average([part.change_rate for part in parts], weights=[len(part) for part in parts]))
     return replace(joined_training(told), change_rate=rate)
 
 
-def _renamed(number: int, group: str) -> str:
+def _renamed(number: int, group: str, apart: int) -> str:
     window, _, rest = group.partition("-")
-    return f"{number * WINDOWS + int(window)}-{number}-{rest}"
+    return f"{number * apart + int(window)}-{number}-{rest}"
 
 
 def _score(
     site: str, parts: dict[str, Training], learn: Callable[..., Calibrated], stages: Stages, tell: Progress
 ) -> SiteScore:
     def score() -> SiteScore:
-        others = _together([part for name, part in parts.items() if name != site])
+        others = _together([part for name, part in parts.items() if name != site], apart=OF_SITE)
         model = learn(others, tell=partial(tell, f"all but {site}"))
         some = parts[site].select(spread(parts[site], np.arange(len(parts[site]))))
         truth = some.truth[:, KNOTS]

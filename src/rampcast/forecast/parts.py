@@ -41,8 +41,9 @@ def moment_parts(
     times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
     if not sum(map(len, times.values())):
         raise RecordingError(
-            f"{', '.join(raw.names)}: expected {SPAN:g} s of traffic or more before the first forecast, there are "
-            f"{max(seconds_of(raw).values()):.1f} s; give a longer recording"
+            f"{', '.join(raw.names)}: no moment to forecast: they are at multiples of {every:g} s, with {SPAN:g} s of "
+            f"traffic before, and there are {max(seconds_of(raw).values()):.1f} s in all; give a longer recording, or "
+            "a smaller `every`"
         )
     return parts_at(predict, raw, times)
 

@@ -51,7 +51,9 @@ def driver_population(
         if len(rows) >= LEAST_CASES:
             rows = rows[:: -(-len(rows) // MOST_OF_SITE)]
             some = platoons.select(rows)
-            evidence[name] = driver_evidence(some, truth[rows], leader_truth[rows], vehicle[rows])
+            found = driver_evidence(some, truth[rows], leader_truth[rows], vehicle[rows])
+            if found.precision.any():  # else nobody was seen for long enough
+                evidence[name] = found
     if len(evidence) < 2:
         return None
     spread = np.full(len(PARAMETERS), ASSUMED_SPREAD)

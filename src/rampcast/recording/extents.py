@@ -6,6 +6,7 @@ from pathlib import Path
 
 import polars as pl
 
+from rampcast.errors import RecordingError
 from rampcast.recording import columns as c
 from rampcast.recording.parquet import refusing_damage
 from rampcast.recording.recording import KEY, Recording, checked, read_description
@@ -34,7 +35,7 @@ def extents_of(path: Path) -> tuple[Extent, ...]:
     """Returns what each window of a recording's file spans, in the order of their names; the file is streamed.
 
     Raises:
-        RecordingError: the file is not there, or is no recording.
+        RecordingError: the file is not there, is no recording, or has no rows.
         FormatError: it is damaged.
     """
     step = read_description(path).time_step
@@ -46,11 +47,14 @@ def extents_of(path: Path) -> tuple[Extent, ...]:
             .sort(c.RECORDING)
             .collect(engine="streaming")
         )
-    return tuple(
+    extents = tuple(
         Extent(window, first * step, last * step, rows, vehicles)
         for window, first, last, rows, vehicles in found.iter_rows()
         if window is not None and first is not None
     )
+    if not extents:
+        raise RecordingError(f"{path}: a recording without rows; convert the original again")
+    return extents
 
 
 def read_span(path: Path, window: str, begin: float, end: float) -> Recording:

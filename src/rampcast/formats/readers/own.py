@@ -30,7 +30,7 @@ def _is_same_road(one: Site, other: Site) -> bool:
         return False
     moved = max((abs(lanes[number] - others[number]) for number in lanes), default=0.0)
     line, asked = (np.array(site.reference, float).reshape(-1, 2) for site in (one, other))
-    return moved < LANE_WIDTH / 2 and line.shape == asked.shape and np.allclose(line, asked, atol=AS_WRITTEN)
+    return moved < LANE_WIDTH / 2 and line.shape == asked.shape and np.allclose(line, asked, rtol=0.0, atol=AS_WRITTEN)
 
 
 def read_own(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
