@@ -253,7 +253,7 @@ def test_read_any_opens_recordings_of_its_own(tmp_path):
     again, report = read_any([tmp_path / "recording.parquet"])
     assert again.tracks.equals(recording.tracks)
     assert (again.site, report.rows) == (recording.site, 6)
-    with pytest.raises(RecordingError, match="made with site 'i80', and the site asked for is 'us101'"):
+    with pytest.raises(RecordingError, match="made with site 'i80', and the site asked for, 'us101'"):
         read_any([tmp_path / "recording.parquet"], site=US101)
 
 
