@@ -75,6 +75,11 @@ def test_less_than_4_s_are_refused(recording):
         moment_parts(all_keep_speed, short, every=1.0)
 
 
+def test_moments_that_lie_beside_the_recording_are_told_by_their_distance(recording):
+    with pytest.raises(RecordingError, match=r"no multiple of 500 s, .* give a smaller `every`"):
+        moment_parts(all_keep_speed, recording, every=500.0)
+
+
 def test_nobody_at_a_moment_is_a_part_without_vehicles(recording):
     frames = pl.col("frame")
     hole = replace(recording, tracks=recording.tracks.filter((frames < 60) | (frames > 120)))

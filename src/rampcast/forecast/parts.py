@@ -40,12 +40,16 @@ def moment_parts(
     raw = _raw_of(recording)
     times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
     if not sum(map(len, times.values())):
-        raise RecordingError(
-            f"{', '.join(raw.names)}: no moment to forecast: they are at multiples of {every:g} s, with {SPAN:g} s of "
-            f"traffic before, and there are {max(seconds_of(raw).values()):.1f} s in all; give a longer recording, or "
-            "a smaller `every`"
-        )
+        raise RecordingError(f"{', '.join(raw.names)}: {_no_moment(max(seconds_of(raw).values()), every)}")
     return parts_at(predict, raw, times)
+
+
+def _no_moment(seconds: float, every: float) -> str:
+    if seconds < SPAN:
+        need = f"expected {SPAN:g} s of traffic or more before the first forecast, there are {seconds:.1f} s"
+        return f"{need}; give a longer recording"
+    at = f"no multiple of {every:g} s, of the window's clock, has {SPAN:g} s of traffic before it"
+    return f"{at}: there are {seconds:.1f} s in all; give a smaller `every`, or a longer recording"
 
 
 def parts_at(
