@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -150,3 +151,29 @@ def test_a_forecaster_that_warms_up_slowly_is_left_alone_as_long_as_it_goes_on(m
 def _framed(kind: str) -> bytes:
     body = msgspec.msgpack.encode(Answer(kind))
     return SIZE.pack(len(body)) + body
+
+
+def test_a_forecaster_that_is_given_up_while_it_begins_leaves_no_line_open(monkeypatch):
+    made, plain = [], socket.socketpair
+
+    def pair() -> tuple[socket.socket, socket.socket]:
+        made.extend(plain())
+        return made[0], made[1]
+
+    async def never(*_: object, **__: object) -> None:
+        await asyncio.sleep(60.0)
+
+    async def run() -> None:
+        watched = Supervisor(Work([WorkerSite("none", {}, "", False)]), lambda answer: None)
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "socketpair", pair)
+            patch.setattr(asyncio, "create_subprocess_exec", never)
+            task = asyncio.create_task(watched.run())
+            while not made:
+                await asyncio.sleep(0.01)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        await watched.close()
+
+    asyncio.run(run())
+    assert [one.fileno() for one in made] == [-1, -1]

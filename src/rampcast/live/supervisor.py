@@ -75,17 +75,7 @@ class Supervisor:
 
     async def _one_life(self) -> bool:
         """Returns whether the process was ever ready, when it is gone."""
-        ours, theirs = socket.socketpair()
-        self.starts, self._began = self.starts + 1, time.monotonic()
-        self._heard = self._began
-        with theirs:
-            self.process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "rampcast.live.worker", str(self._memory), str(theirs.fileno()),
-                pass_fds=(self._memory, theirs.fileno()), stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
-        ours.setblocking(False)
-        self._line = ours
-        reader, writer = await asyncio.open_connection(sock=ours)
+        reader, writer = await self._begun()
         body = msgspec.msgpack.encode(self.work)
         writer.write(SIZE.pack(len(body)) + body)
         guard = asyncio.create_task(self._guard())
@@ -107,6 +97,25 @@ class Supervisor:
         finally:
             guard.cancel()
             writer.close()
+
+    async def _begun(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        """Returns the line to a new process."""
+        ours, theirs = socket.socketpair()
+        self.starts, self._began = self.starts + 1, time.monotonic()
+        self._heard = self._began
+        try:
+            with theirs:
+                self.process = await asyncio.create_subprocess_exec(
+                    sys.executable, "-m", "rampcast.live.worker", str(self._memory), str(theirs.fileno()),
+                    pass_fds=(self._memory, theirs.fileno()), stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
+                )  # fmt: skip
+            ours.setblocking(False)
+            line = await asyncio.open_connection(sock=ours)
+        except BaseException:  # as when it is cancelled: nobody else knows of the socket yet
+            ours.close()
+            raise
+        self._line = ours
+        return line
 
     async def _guard(self) -> None:
         """Ends a process that says nothing for too long."""
