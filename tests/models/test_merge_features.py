@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.models.merge_features import merge_columns, merge_table, platoon_table, target_gaps, time_with_room
+from rampcast.models.merge_features import merge_columns, platoon_table, target_gaps, time_with_room
 from rampcast.traffic.merge_scenes import BEHIND
 from tests.forecast.merges_made_up import LENGTH, merges
 from tests.models.platoons_made_up import drive
@@ -39,7 +39,9 @@ def test_time_with_room_by_hand(scenes):
 
 def test_places_count_from_the_vehicle_itself(scenes):
     own, target = (replace(part, x=part.x + 1000.0) for part in (scenes.own, scenes.target))
-    np.testing.assert_allclose(merge_table(replace(scenes, own=own, target=target)), merge_table(scenes), atol=1e-6)
+    moved = replace(scenes, own=own, target=target)
+    np.testing.assert_allclose(platoon_table(moved.own), platoon_table(scenes.own), atol=1e-6)
+    np.testing.assert_allclose(merge_columns(moved), merge_columns(scenes), atol=1e-6)
 
 
 def test_an_empty_lane_has_no_gaps_and_infinite_ends_are_missing(scenes):

@@ -214,7 +214,7 @@ def _simulated_window(recording: Recording, number: int) -> Cases:
     tracks = tracks_of_recording(recording)
     rows = regular_anchors(tracks, spacing=SIMULATED_SPACING, least_truth=LEAST_TRUTH)
     site = recording.site
-    on_ramp = np.isin(recording.tracks["lane"].to_numpy(), site.ramp_lanes)
+    on_ramp = site.on_ramp(recording.tracks["lane"].to_numpy())
     rows = rows[on_ramp[rows]]
     vehicle = recording.tracks["vehicle"].to_numpy()[rows]
     window = np.full(len(rows), number)

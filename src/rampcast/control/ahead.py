@@ -86,5 +86,5 @@ def slows_ahead(forecast: Forecast, *, ahead: float) -> float:
         return float("nan")
     site, step = forecast.site, round(ahead / STEP) - 1
     x, speed = forecast.samples[:, :, step], forecast.speeds[:, :, step]
-    there = (x >= site.gore) & (x < site.ramp_end) & ~np.isin(forecast.lane[:, :, step], site.ramp_lanes)
+    there = (x >= site.gore) & (x < site.ramp_end) & ~site.on_ramp(forecast.lane[:, :, step])
     return float(speed[there].mean()) if there.any() else float("nan")

@@ -88,7 +88,7 @@ def constant_speeds(past: Past) -> Forecast:
     frame, site = past.newest, past.site
     ahead = STEP * np.arange(1, FUTURE + 1)
     x = frame[c.X][:, None] + frame[c.V][:, None] * ahead
-    on_ramp = np.isin(frame[c.LANE], site.ramp_lanes)[:, None]
+    on_ramp = site.on_ramp(frame[c.LANE])[:, None]
     merged = on_ramp & (x > site.gore + MERGES_AT * (site.ramp_end - site.gore))
     lane = np.where(merged, site.target_lane, frame[c.LANE][:, None])
     return forecast_of(past, x[:, None].astype(np.float32), lane[:, None])

@@ -124,7 +124,7 @@ class Loop:
         """Takes down what sensors and cameras see."""
         site = self.past.site
         high = site.ramp_end + SENSED_AFTER
-        inside = (frame[c.X] >= site.gore) & (frame[c.X] < high) & ~np.isin(frame[c.LANE], site.ramp_lanes)
+        inside = (frame[c.X] >= site.gore) & (frame[c.X] < high) & ~site.on_ramp(frame[c.LANE])
         lanes = self.plant.scenario.corridor.lanes
         self._densities.append(float(inside.sum()) / (lanes * (high - site.gore) / 1000.0))
         for ramp, entered in enumerate(self._entered):

@@ -99,7 +99,7 @@ def merges(rows: Mapping[str, np.ndarray], site: Site) -> dict[str, np.ndarray]:
     """
     order = np.lexsort((rows["time"], rows[c.VEHICLE]))
     vehicle, lane = rows[c.VEHICLE][order], rows[c.LANE][order]
-    came = np.isin(lane[:-1], site.ramp_lanes) & (lane[1:] == site.target_lane) & (vehicle[1:] == vehicle[:-1])
+    came = site.on_ramp(lane[:-1]) & (lane[1:] == site.target_lane) & (vehicle[1:] == vehicle[:-1])
     row = order[np.flatnonzero(came) + 1]
     return {"row": row, "ahead": _beside(rows, row, 1), "behind": _beside(rows, row, -1)}
 

@@ -17,7 +17,7 @@ from rampcast.forecast.roll_out import Beginning, Driven, begin, drive, drive_av
 from rampcast.forecast.stages import Stages
 from rampcast.horizon import STEP
 from rampcast.models.correction import KNOTS, LEVELS, Correction, CorrectionSpec, Rolled, fit_correction
-from rampcast.models.merge_features import merge_table, platoon_table, regimes
+from rampcast.models.merge_features import merge_columns, platoon_table, regimes
 from rampcast.models.plain_data import MAY_BE_MISSING
 from rampcast.threads import shared_out
 from rampcast.traffic.around import joined
@@ -99,13 +99,14 @@ class Calibrated:
         """
         samples = samples or self.spec.samples
         beginning = begin(self.base.roll_out, situation)
-        rate = merge_rates(self.base, beginning, scenes, vehicle)
+        columns = merge_columns(scenes)
+        rate = merge_rates(self.base, beginning, scenes, vehicle, columns)
         driven = drive(self.base.roll_out, beginning, samples=samples, seed=self.base.seed, rate=rate)
         if self.in_lane is None and self.merging is None and scale is None:
             return beginning, driven
         at_knots, lane = (np.take(values, KNOTS, axis=2)[vehicle] for values in (driven.x, driven.lane))
         counts = self._counts(situation, vehicle, lane)
-        rolled = rolled_of(self.base, beginning, scenes, vehicle, at_knots, lane, counts)
+        rolled = rolled_of(self.base, beginning, scenes, vehicle, columns, at_knots, lane, counts)
         moves = self._moves(rolled, scenes, at_knots, counts, beginning.start.x[vehicle], scale)
         shift = np.concatenate([moves, np.zeros((1, *moves.shape[1:]), np.float32)])[follow]
         self._project(beginning, shift, driven)
@@ -322,17 +323,16 @@ def rolled_rows(model: Calibrated, training: Training) -> RolledRows:
     for some in _chunks(training):
         situation, vehicle = some.situation, some.vehicle
         beginning = begin(model.base.roll_out, situation)
-        rate = merge_rates(model.base, beginning, some.scenes, vehicle)
+        columns = merge_columns(some.scenes)
+        rate = merge_rates(model.base, beginning, some.scenes, vehicle, columns)
         wanted = np.zeros(situation.first[-1], dtype=bool)
         wanted[vehicle] = True
-        place = np.cumsum(wanted)[vehicle] - 1
-        driven = drive(
-            model.base.roll_out, beginning, samples=model.spec.samples, seed=model.base.seed, rate=rate, wanted=wanted
-        )
+        place, drawn = np.cumsum(wanted)[vehicle] - 1, {"samples": model.spec.samples, "seed": model.base.seed}
+        driven = drive(model.base.roll_out, beginning, **drawn, rate=rate, wanted=wanted)
         lane = driven.lane[place][:, :, KNOTS]
         counts = np.ones(lane.shape, dtype=bool) if model.beyond else unmerged(situation, vehicle, lane)
         at_knots = driven.x[place][:, :, KNOTS]
-        parts.append(rolled_of(model.base, beginning, some.scenes, vehicle, at_knots, lane, counts))
+        parts.append(rolled_of(model.base, beginning, some.scenes, vehicle, columns, at_knots, lane, counts))
     return joined(parts)
 
 
@@ -361,6 +361,7 @@ def rolled_of(
     beginning: Beginning,
     scenes: MergeScenes,
     vehicle: Int[np.ndarray, "row"],
+    columns: Float[np.ndarray, "row column"],
     x: Float[np.ndarray, "row sample knot"],
     lane: Int[np.ndarray, "row sample knot"],
     counts: Bool[np.ndarray, "row sample knot"],
@@ -371,9 +372,10 @@ def rolled_of(
     target = situation.target[situation.moment[vehicle], situation.lane[vehicle]]
     low, median, high = counted_quantiles(x, counts, SPREAD)
     average = drive_average(base.roll_out, beginning)[vehicle][:, KNOTS] - start[:, None]
+    platoons = platoon_table(scenes.own)
     return RolledRows(
-        platoons=platoon_table(scenes.own),
-        merges=merge_table(scenes),
+        platoons=platoons,
+        merges=np.column_stack([platoons, columns]),
         average=average,
         steady=beginning.start.v[vehicle][:, None] * (STEP * (KNOTS + 1)),
         median=median - start[:, None],

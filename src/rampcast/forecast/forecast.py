@@ -92,7 +92,7 @@ class Forecast:
     @cached_property
     def on_ramp(self) -> Bool[np.ndarray, "vehicle"]:
         """Returns who is in a ramp lane at t0, and so may merge."""
-        return np.isin(self.start_lane, self.site.ramp_lanes)
+        return self.site.on_ramp(self.start_lane)
 
     @cached_property
     def speeds(self) -> Float[np.ndarray, "vehicle sample step"]:

@@ -309,7 +309,11 @@ def _forest(model: RollOut, training: Training, seed: int) -> MergeForest:
 
 
 def merge_rates(
-    base: Base, beginning: Beginning, scenes: MergeScenes, vehicle: Int[np.ndarray, "row"]
+    base: Base,
+    beginning: Beginning,
+    scenes: MergeScenes,
+    vehicle: Int[np.ndarray, "row"],
+    columns: Float[np.ndarray, "row column"],
 ) -> Float[np.ndarray, "vehicle step"] | None:
     """Returns by what the hazard of every vehicle is multiplied, for the curves of the forest; None for no change.
 
@@ -318,6 +322,7 @@ def merge_rates(
         beginning: of all vehicles.
         scenes: of the vehicles whose curve is wanted.
         vehicle: place of each of these in the situation.
+        columns: what `merge_columns` gives of the scenes.
     """
     situation = beginning.situation
     may = np.flatnonzero(scenes.may_merge & (situation.target[situation.moment, situation.lane] != NOBODY)[vehicle])
@@ -329,7 +334,7 @@ def merge_rates(
     place = np.cumsum(wanted)[vehicle[may]] - 1
     rolled = _by_then(found.chance[place])
     rate = np.ones((len(wanted), FUTURE))
-    rate[vehicle[may]] = rate_of(base.forest.curves(merge_columns(scenes.select(may)), rolled), rolled)
+    rate[vehicle[may]] = rate_of(base.forest.curves(columns[may], rolled), rolled)
     return rate
 
 

@@ -9,7 +9,7 @@ change to the next one at a learned rate where they find room.
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -28,6 +28,13 @@ from rampcast.traffic.situation import ROWS_OF_DRAWS, Situation
 Task = tuple[int, int, int, int]
 Result = TypeVar("Result")
 FEW_ROWS = 32  # of random numbers: what merge scenes need, whose places have their own
+
+
+class Drivers(NamedTuple):
+    """Drivers as the kernel takes them: with their habits, and what they do behind nobody; see `Law`."""
+
+    table: Float[np.ndarray, "driver param_and_habit"]
+    free: Float[np.ndarray, "driver speed"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,22 @@ class RollOut:
     hazard: MergeHazard
     manners: Manners
     limit: float
+
+    @cached_property
+    def drivers(self) -> Drivers:
+        """Returns the drivers of the main lanes, and then those of the ramp."""
+        return _drivers(np.concatenate([self.main.table, self.ramp.table]))
+
+    @cached_property
+    def average(self) -> Drivers:
+        """Returns the average driver of the main lanes, and that of the ramp."""
+        return _drivers(np.concatenate([with_habit(one.centre[None], one.habit) for one in (self.main, self.ramp)]))
+
+
+def _drivers(table: Float[np.ndarray, "driver param_and_habit"]) -> Drivers:
+    from rampcast.models.driver_loops import free_table  # numba: only who drives waits for it
+
+    return Drivers(table, free_table(table))
 
 
 class Driven(NamedTuple):
@@ -181,12 +204,11 @@ def drive_average(model: RollOut, beginning: Beginning) -> Float[np.ndarray, "ve
         np.full((FEW_ROWS, 1), np.inf),
         np.ones(1),
     )
-    average = np.concatenate([with_habit(one.centre[None], one.habit) for one in (model.main, model.ramp)])
     found = _filled(
         model,
         start._replace(draw=np.zeros_like(start.draw)),
         still,
-        average,
+        model.average,
         np.where(beginning.situation.merging, 1, 0)[:, None],
         rate=np.ones((count, FUTURE)),
         may=np.ones(count, dtype=bool),
@@ -210,7 +232,6 @@ def _driven(
     rows = FEW_ROWS if beginning.start.draw.max(initial=0) < FEW_ROWS else ROWS_OF_DRAWS
     draws, order = _draws(rows, samples, seed)
     draws = draws._replace(pace=draws.pace**model.hazard.unknown)
-    drivers = np.concatenate([model.main.table, model.ramp.table])
     driver = drawn_drivers(beginning.weights, order[beginning.start.draw])
     driver += np.where(beginning.situation.merging, len(model.main.drivers), 0)[:, None]
     count = len(beginning.weights)
@@ -218,7 +239,7 @@ def _driven(
         model,
         beginning.start,
         draws,
-        drivers,
+        model.drivers,
         driver,
         rate=np.ones((count, FUTURE)) if rate is None else rate,
         may=may,
@@ -231,7 +252,7 @@ def _filled(
     model: RollOut,
     start: Start,
     draws: Draws,
-    drivers: Float[np.ndarray, "driver param_and_habit"],
+    drivers: Drivers,
     driver: Int[np.ndarray, "vehicle sample"],
     *,
     rate: Float[np.ndarray, "vehicle step"],
@@ -242,7 +263,6 @@ def _filled(
     """Returns what the kernel fills in, moments or samples shared out among the threads."""
     from rampcast.forecast.roll_out_kernel import CHANCES  # numba: only who forecasts waits for it
     from rampcast.forecast.roll_out_kernel import drive as run
-    from rampcast.models.driver_loops import free_table
 
     samples, moments = driver.shape[1], len(start.first) - 1
     row = np.where(wanted, np.cumsum(wanted) - 1, -1)
@@ -255,9 +275,9 @@ def _filled(
         can=np.zeros((count, samples, watched), dtype=bool),
     )
     hazard = np.array([*model.hazard.weights, model.hazard.constant, model.hazard.first, model.hazard.last])
-    learned = Law(drivers, free_table(drivers), _numbers(model), hazard)
+    learned = Law(*drivers, _numbers(model), hazard)
 
-    def work(task: Task) -> Int[np.ndarray, "vehicle step"]:
+    def work(task: Task) -> np.ndarray:
         chance = np.zeros(rate.shape, np.int64)
         run(
             start, learned, draws, driver, rate, may, row, task[:2], task[2:], found.x, found.lane, chance,
@@ -280,7 +300,8 @@ def sharing(work: Callable[[Task], Result], moments: int, samples: int) -> list[
     if moments >= 4 * threads:
         edges = np.linspace(0, moments, threads + 1).astype(int).tolist()
         return in_threads(work, [(low, high, 0, samples) for low, high in itertools.pairwise(edges)])
-    edges = np.linspace(0, samples, min(threads, samples) + 1).astype(int).tolist()
+    parts = min(threads, samples)
+    edges = [samples * part // parts for part in range(parts + 1)]
     return in_threads(work, [(0, moments, low, high) for low, high in itertools.pairwise(edges)])
 
 

@@ -316,7 +316,7 @@ def _quantiles(knot: KnotCorrection, rolled: Rolled, number: int) -> Float[np.nd
     table = rolled.table(number)[:, knot.kept]
     median, size = rolled.blended(number, knot.blend), _floored(rolled.spread[:, number])
     if knot.medians:
-        median = median + knot.strength * np.mean([model.predict(table) for model in knot.medians], axis=0)
+        median = median + knot.strength * (sum(model.predict(table) for model in knot.medians) / len(knot.medians))
     for model in knot.sizes:
         size = size * np.maximum(model.predict(table), LEAST_SIZE)
     return median[:, None] + size[:, None] * knot.scores[rolled.regime]

@@ -13,7 +13,7 @@ it.
 """
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -65,10 +65,17 @@ class DriverPrior:
         if not len(self.drivers) or len(self.centre) != len(idm.Parameters._fields):  # the compiled loops do not look
             raise ModelError(f"expected drivers of {len(idm.Parameters._fields)} parameters, got {self.drivers.shape}")
 
-    @property
+    @cached_property
     def table(self) -> Float[np.ndarray, "driver param_and_habit"]:
         """Returns the drivers as the loops take them."""
         return with_habit(self.drivers, self.habit)
+
+    @cached_property
+    def free(self) -> Float[np.ndarray, "driver speed"]:
+        """Returns their accelerations behind nobody; see `driver_loops.free_table`."""
+        from rampcast.models.driver_loops import free_table  # numba: only who drives waits for it
+
+        return free_table(self.table)
 
 
 def fit_drivers(
@@ -101,9 +108,9 @@ def fit_drivers(
     some = platoons.select(rows)
     best, found = np.inf, None
     for scatter in SCATTERS:
-        drivers = prior(scatter, 1.0).table
-        futures = behind_leader(drivers, some, leader_truth[rows])
-        likelihood = history_likelihood(drivers, some)
+        tried = prior(scatter, 1.0)
+        futures = behind_leader(tried.table, some, leader_truth[rows])
+        likelihood = history_likelihood(tried, some)
         for independence in INDEPENDENCES:
             mean = np.einsum("pd,pds->ps", _normalised(independence * likelihood), futures)
             error = float(np.abs(mean - truth[rows]).mean())
@@ -152,7 +159,7 @@ def posterior(prior: DriverPrior, platoons: Platoons) -> Float[np.ndarray, "plat
         prior: see `fit_drivers`.
         platoons: at least one; behind no leader all weights are equal.
     """
-    return _normalised(prior.independence * history_likelihood(prior.table, platoons))
+    return _normalised(prior.independence * history_likelihood(prior, platoons))
 
 
 def posteriors(
@@ -169,7 +176,7 @@ def posteriors(
     leader = np.where(situation.leader[rows] == NOBODY, 0, situation.leader[rows])
     seen = situation.valid[rows] & situation.valid[leader] & (situation.leader[rows] != NOBODY)[:, None]
     found = _likelihood(
-        prior.table,
+        prior,
         situation.x[rows],
         np.maximum(situation.v[rows], 0.0),
         situation.x[leader],
@@ -180,17 +187,15 @@ def posteriors(
     return _normalised(prior.independence * found)
 
 
-def history_likelihood(
-    drivers: Float[np.ndarray, "driver param_and_habit"], platoons: Platoons
-) -> Float[np.ndarray, "platoon driver"]:
+def history_likelihood(prior: DriverPrior, platoons: Platoons) -> Float[np.ndarray, "platoon driver"]:
     """Returns the logarithm of each history's likelihood under each driver, per independent error a second.
 
     Args:
-        drivers: see `DriverPrior.table`.
+        prior: whose drivers are meant.
         platoons: at least one.
     """
     return _likelihood(
-        drivers,
+        prior,
         platoons.x[:, 0],
         np.maximum(platoons.v[:, 0], 0.0),
         platoons.x[:, 1],
@@ -226,7 +231,7 @@ def behind_leader(
 
 
 def _likelihood(
-    drivers: Float[np.ndarray, "driver param_and_habit"],
+    prior: DriverPrior,
     x: Float[np.ndarray, "row past"],
     v: Float[np.ndarray, "row past"],
     leader_x: Float[np.ndarray, "row past"],
@@ -234,13 +239,13 @@ def _likelihood(
     seen: Bool[np.ndarray, "row past"],
     length: Float[np.ndarray, "row"],
 ) -> Float[np.ndarray, "row driver"]:
-    from rampcast.models.driver_loops import free_table, likelihood  # numba, as above
+    from rampcast.models.driver_loops import likelihood  # numba, as above
 
-    found, free = np.empty((len(x), len(drivers))), free_table(drivers)
+    found = np.empty((len(x), len(prior.drivers)))
 
     def work(rows: slice) -> None:
         parts = (values[rows] for values in (x, v, leader_x, leader_v, seen, length))
-        likelihood(drivers, free, *parts, (NEAR, GROWTH), found[rows])
+        likelihood(prior.table, prior.free, *parts, (NEAR, GROWTH), found[rows])
 
     shared_out(work, len(x))
     return found

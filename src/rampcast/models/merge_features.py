@@ -65,11 +65,6 @@ def regimes(platoons: Platoons) -> Int[np.ndarray, "platoon"]:
     return np.where(arriving, int(Regime.WAVE), slow)
 
 
-def merge_table(scenes: MergeScenes) -> Float[np.ndarray, "scene feature"]:
-    """Returns the features of the platoon, and those of the merge."""
-    return np.column_stack([platoon_table(scenes.own), merge_columns(scenes)])
-
-
 def merge_columns(scenes: MergeScenes) -> Float[np.ndarray, "scene feature"]:
     """Returns what tells when and where a vehicle will merge.
 

@@ -69,7 +69,6 @@ def ranks(table: Any, quantiles: Any, levels: Any, out: Any) -> None:
             if 0 < above <= last:
                 share = (value - known[above - 1]) / (known[above] - known[above - 1])
                 low = high = levels[above - 1] + share * (levels[above] - levels[above - 1])
-            first = np.searchsorted(known, value, side="left")
-            if first < above:  # of the quantiles that the value is
-                low = levels[first]
+            if above > 0 and known[above - 1] == value:  # and maybe several before it
+                low = levels[np.searchsorted(known, value, side="left")]
             out[row, column] = (low + high) / 2.0

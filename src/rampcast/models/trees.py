@@ -123,11 +123,15 @@ class Trees:
 
         found = np.zeros((len(table), self.value.shape[1]))
         values = np.ascontiguousarray(table, dtype=self.threshold.dtype)
+        shared_out(lambda rows: sums(values[rows], *self._walked, found[rows]), len(table), least=LEAST_SHARE)
+        return found
+
+    @cached_property
+    def _walked(self) -> tuple[Any, ...]:
+        """Returns what `tree_loops.sums` takes, after the table."""
         width = np.zeros(self.columns) if self.width is None else self.width
         nodes = (self.feature, self.threshold, self.missing_left, self.left, self.root, self.value, width)
-        most = int(np.max(self.depths, initial=0)) + 1
-        shared_out(lambda rows: sums(values[rows], *nodes, most, found[rows]), len(table), least=LEAST_SHARE)
-        return found
+        return *nodes, int(np.max(self.depths, initial=0)) + 1
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ def _lateral(rows: pl.DataFrame, site: Site, seed: int) -> Float[np.ndarray, "ro
     centres = {lane.number: lane.centre for lane in site.lanes}
     x, lane = rows[c.X].to_numpy(), rows[c.LANE].to_numpy()
     centre = np.array([centres.get(number, np.nan) for number in range(max(centres) + 1)])[lane]
-    on_ramp = np.isin(lane, site.ramp_lanes)
+    on_ramp = site.on_ramp(lane)
     centre = centre - on_ramp * RAMP_SLOPE * np.maximum(0.0, site.gore - x)
     ids = rows["id"].to_numpy()
     edges = [0, *(np.flatnonzero(np.diff(ids)) + 1).tolist(), len(ids)]

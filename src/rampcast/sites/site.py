@@ -15,7 +15,8 @@ from zoneinfo import ZoneInfo
 import msgspec
 import numpy as np
 import tomli_w
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
 
 from rampcast.arguments import expected
 from rampcast.errors import SiteError
@@ -110,6 +111,10 @@ class Site:
     def ramp_lanes(self) -> tuple[int, ...]:
         """Returns the numbers of the lanes from which vehicles merge."""
         return tuple(lane.number for lane in self.lanes if lane.role == "ramp")
+
+    def on_ramp(self, lane: Int[ArrayLike, "*shape"]) -> Bool[np.ndarray, "*shape"]:
+        """Returns whether lanes of those numbers are ones from which vehicles merge."""
+        return np.isin(lane, self.ramp_lanes, kind="sort")  # of few lanes sooner done than by a table
 
     @property
     def has_ramp(self) -> bool:

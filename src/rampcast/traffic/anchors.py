@@ -114,7 +114,7 @@ def _anchors(table: Rows, ramp_rows: Int[np.ndarray, "ramp"], site: Site, spacin
 
     A skipped frame may be filled in the history, as in the paper, but not at the anchor itself.
     """
-    on_ramp = np.isin(table.lane, site.ramp_lanes)
+    on_ramp = site.on_ramp(table.lane)
     left = np.concatenate([[0], np.cumsum(~on_ramp)])
     ends = ramp_rows[ramp_rows >= PAST - 1]
     starts = ends - (PAST - 1)

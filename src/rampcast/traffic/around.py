@@ -33,7 +33,7 @@ def merge_scenes_at(traffic: Traffic, vehicles: Int[np.ndarray, "scene"]) -> Mer
     site = traffic.site
     known = traffic.valid[:, -1] & (traffic.age <= LOST)
     x, lane = traffic.x[:, -1], traffic.lane
-    on_ramp = np.isin(lane[vehicles], site.ramp_lanes)
+    on_ramp = site.on_ramp(lane[vehicles])
     own = np.zeros((len(vehicles), PLACES), dtype=np.int64)
     there = np.zeros(own.shape, dtype=bool)
     target = np.zeros((len(vehicles), TARGET_PLACES), dtype=np.int64)
@@ -42,7 +42,9 @@ def merge_scenes_at(traffic: Traffic, vehicles: Int[np.ndarray, "scene"]) -> Mer
         rows = np.flatnonzero(lane[vehicles] == number)
         queue = _from_upstream(x, known & (lane == number))
         # the next ones ahead of the vehicle's own place; abreast, the one with the higher place in the queue
-        place = np.array([int(np.flatnonzero(queue == vehicle)[0]) for vehicle in vehicles[rows]])
+        place_in_queue = np.zeros(len(x), np.int64)
+        place_in_queue[queue] = np.arange(len(queue))
+        place = place_in_queue[vehicles[rows]]
         own[rows], there[rows] = _taken(queue, place[:, None] + np.arange(PLACES))
     if on_ramp.any():
         queue = _from_upstream(x, known & (lane == site.target_lane))
@@ -63,7 +65,7 @@ def merge_scenes_at(traffic: Traffic, vehicles: Int[np.ndarray, "scene"]) -> Mer
 def ramp_vehicles(traffic: Traffic) -> Int[np.ndarray, "scene"]:
     """Returns the vehicles in a ramp lane at t0 that were seen within `LOST`, and for `SHORTEST` before."""
     seen = traffic.valid[:, -1 - SHORTEST] & (traffic.age <= LOST)
-    return np.flatnonzero(seen & np.isin(traffic.lane, traffic.site.ramp_lanes))
+    return np.flatnonzero(seen & traffic.site.on_ramp(traffic.lane))
 
 
 def speeds_around(traffic: Traffic, x: Float[np.ndarray, "scene"]) -> Float[np.ndarray, "scene moment band"]:

@@ -129,7 +129,7 @@ def build_merge_scenes(recording: Recording, anchors: Int[np.ndarray, "scene"]) 
     tracks = tracks_of_recording(recording)
     own = platoons_of_tracks(tracks, anchors)
     site = recording.site
-    on_ramp = np.isin(recording.tracks[c.LANE].to_numpy()[anchors], site.ramp_lanes)
+    on_ramp = site.on_ramp(recording.tracks[c.LANE].to_numpy()[anchors])
     if not on_ramp.any():
         return without_target(own)
     neighbours = np.where(on_ramp[:, None], find_neighbours(recording, anchors), NONE)

@@ -93,7 +93,7 @@ def seen_long(subject: Subject) -> Bool[np.ndarray, "vehicle"]:
 
 def stays_on_ramp(subject: Subject) -> Bool[np.ndarray, "vehicle"]:
     """Returns which vehicles are seen in ramp lanes only."""
-    off_ramp = np.concatenate([[0], np.cumsum(~np.isin(subject.lane, subject.recording.site.ramp_lanes))])
+    off_ramp = np.concatenate([[0], np.cumsum(~subject.recording.site.on_ramp(subject.lane))])
     return off_ramp[subject.ends + 1] == off_ramp[subject.starts]
 
 

@@ -57,7 +57,7 @@ def lane_width(site: Site) -> float:
 def _beside_main_lanes(subject: Subject) -> Bool[np.ndarray, "row"]:
     """Returns the rows that are not in a ramp lane before the gore or behind the ramp's end, where ramps bend away."""
     site = subject.recording.site
-    on_ramp = np.isin(subject.lane, site.ramp_lanes)
+    on_ramp = site.on_ramp(subject.lane)
     return ~on_ramp | ((subject.x >= site.gore) & (subject.x <= site.ramp_end))
 
 

@@ -54,7 +54,7 @@ class SpaceTimePanel:
                 continue
             rows = slice(first, last, 5) if last - first > 10 else slice(first, last)
             points = np.column_stack([track.t[rows] - t0, track.x[rows]])
-            on_ramp = np.isin(track.lane[rows], site.ramp_lanes)
+            on_ramp = site.on_ramp(track.lane[rows])
             lines[look.RAMP].append(np.where(on_ramp[:, None], points, np.nan))
             in_target = track.lane[rows] == site.target_lane
             lines[look.TARGET].append(np.where(in_target[:, None], points, np.nan))

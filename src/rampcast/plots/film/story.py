@@ -59,7 +59,7 @@ class Story:
         """Returns when [s] and where [m] vehicles came from a ramp lane into the target lane."""
         found = []
         for track in self.tracks.values():
-            came = np.isin(track.lane[:-1], self.site.ramp_lanes) & (track.lane[1:] == self.site.target_lane)
+            came = self.site.on_ramp(track.lane[:-1]) & (track.lane[1:] == self.site.target_lane)
             found += [(float(track.t[row + 1]), float(track.x[row + 1])) for row in np.flatnonzero(came)]
         return sorted(found)
 
