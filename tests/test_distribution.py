@@ -47,8 +47,10 @@ def test_the_conda_recipe_has_the_version_the_command_and_the_dependencies_of_th
     assert versions(conda["requirements"]["host"]) == backend | {"python": project["requires-python"], "pip": ""}
 
 
-def test_no_address_is_told_that_there_is_not():
-    assert "urls" not in described()["project"]  # there is no public one yet; CONTRIBUTING.md says so
+def test_addresses_are_of_what_is_public_as_those_who_cite_find_it_too():
+    cited = yaml.safe_load((PROJECT / "CITATION.cff").read_text(encoding="utf-8"))
+    public = {"Paper": cited["preferred-citation"]["url"], "Data of the paper": cited["references"][0]["url"]}
+    assert described()["project"]["urls"] == public  # the project itself has no address yet; CONTRIBUTING.md says so
 
 
 @pytest.mark.skipif(not find_spec("rattler_build"), reason="needs the extra [dist]: `make dist`")

@@ -7,6 +7,7 @@ command line, reports, pictures and the contract tests read it.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from rampcast.looks import BLACK, BLUE, GREEN, GREY, INDIGO, ORANGE, PURPLE, SKY, VERMILLION, Look
@@ -156,6 +157,8 @@ _TABLE = (
 )
 FORECASTERS = {entry.name: entry for entry in _TABLE}
 OWN = "rampcast"  # the default, which stands first in pictures
+PRETRAINED = "pretrained"  # where the folder of a model is asked for: the one that rampcast brings along
+PRETRAINED_FOLDER = Path(__file__).parent / "forecast" / PRETRAINED
 
 FOLDERS = {  # the modules with the `TAGS` of what a model folder holds, by the kind that it names
     "rampcast": "rampcast.forecast.tags",

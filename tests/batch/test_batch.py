@@ -15,7 +15,7 @@ from rampcast.batch import Plan, batch, plan_of_files, read_plan
 from rampcast.batch import running as running_module
 from rampcast.batch import task as task_module
 from rampcast.batch.doing import run_task
-from rampcast.batch.reading import parts_of, spans
+from rampcast.batch.parts import parts_of, spans
 from rampcast.batch.tables import MEANS
 from rampcast.batch.tables import pooled as pooled_scores
 from rampcast.batch.task import Task
@@ -116,6 +116,12 @@ def test_processes_give_the_bytes_of_one_after_the_other_and_a_poison_file_fails
     assert {0, 1, 2} <= set(every["part"])
     assert done.tables["parts"]["peak_mb"].drop_nulls().is_between(100, 2000).all()
     assert done.tables["sites"]["vehicles"].to_list() == [12]
+    # called again for one part that is gone: the others are no part of the progress, by which the time left is told
+    sorted((tmp_path / ".tasks" / "window1").iterdir())[0].unlink()
+    told.clear()
+    batch(plan, processes=2, progress=lambda *what: told.append(what))
+    assert [what for what in told if what[1]] == [("files", 1, 1), ("parts", 1, 1)]
+    assert files_of(tmp_path) == files_of(serial)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ import pytest
 
 from rampcast.batch import Plan, batch, plan_of_files
 from rampcast.batch.doing import run_task
-from rampcast.batch.reading import parts_of
+from rampcast.batch.parts import parts_of
 from rampcast.batch.task import Task
 from rampcast.recording.recording import write_recording
 from tests.made_up_traffic import random_traffic
@@ -52,6 +52,28 @@ def wait_for(what, running: subprocess.Popen[bytes]) -> None:
         time.sleep(0.005)
 
 
+def killing_one(out: Path, killed: list[int]):
+    """Returns what is told of progress: at the first part that is done it kills the process that did it."""
+
+    def tell(what: str, done: int, total: int) -> None:
+        if what == "parts" and done == 1 and not killed:
+            (first, *_) = (out / ".tasks").glob("*/*.json")
+            killed.append(json.loads(first.read_text())["process"])
+            os.kill(killed[0], signal.SIGKILL)
+
+    return tell
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_midway_loses_nothing(plan, serial, tmp_path):
+    killed: list[int] = []
+    done = batch(replace(plan, out=tmp_path), processes=2, progress=killing_one(tmp_path, killed))
+    assert done.failed.is_empty()
+    assert converted(tmp_path) == serial
+    assert killed[0] != os.getpid()
+    assert done.tables["parts"]["process"].n_unique() > 2  # others took over
+
+
 @pytest.mark.slow
 def test_a_batch_killed_with_all_its_processes_goes_on_with_what_was_not_done(plan, serial, tmp_path):
     command = [
@@ -79,7 +101,7 @@ def test_a_batch_killed_with_all_its_processes_goes_on_with_what_was_not_done(pl
 
 
 @pytest.mark.slow
-def test_a_scheduler_and_workers_started_by_command_give_the_same_bytes(plan, serial, tmp_path):
+def test_a_scheduler_and_workers_started_by_command_give_the_same_bytes_though_one_is_killed(plan, serial, tmp_path):
     pytest.importorskip("distributed", reason="needs the extra [cluster]")
     about = tmp_path / "scheduler.json"
     start = [sys.executable, "-m"]
@@ -100,7 +122,9 @@ def test_a_scheduler_and_workers_started_by_command_give_the_same_bytes(plan, se
         wait_for(about.is_file, first)
         second = subprocess.Popen(worker, cwd=tmp_path, start_new_session=True, **QUIET)
         address = json.loads(about.read_text())["address"]
-        done = batch(replace(plan, out=tmp_path / "out"), scheduler=address)
+        killed: list[int] = []
+        tell = killing_one(tmp_path / "out", killed)
+        done = batch(replace(plan, out=tmp_path / "out"), scheduler=address, progress=tell)
     finally:
         first.kill()
         first.wait()
@@ -108,4 +132,5 @@ def test_a_scheduler_and_workers_started_by_command_give_the_same_bytes(plan, se
             os.killpg(second.pid, signal.SIGKILL)
             second.wait()
     assert done.failed.is_empty()
+    assert killed
     assert converted(tmp_path / "out") == serial

@@ -115,6 +115,16 @@ def test_without_a_terminal_each_thing_done_is_a_line_and_long_ones_tell_the_tim
     assert shown == ["drive: 2 of 4, about 40 s left", "drive: done in 80 s"]
 
 
+def test_what_was_done_before_says_nothing_of_the_time_left(capsys, monkeypatch):
+    clock = iter([0.0, 20.0, 40.0, 60.0])
+    monkeypatch.setattr(lines.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(show.notes, "quiet", False)
+    with show.progress() as tell:
+        for done in (603, 612, 622):
+            tell("runs", done, 990)
+    assert capsys.readouterr().err.splitlines() == [f"runs: 622 of 990, about {40 / 19 * 368:.0f} s left"]
+
+
 @pytest.mark.parametrize(
     ("command", "said"), [("train x --out y", "goes on there"), ("forecast x", "whole or not at all")]
 )

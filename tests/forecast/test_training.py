@@ -10,7 +10,8 @@ from rampcast.errors import RampcastError
 from rampcast.forecast import forecaster as module
 from rampcast.forecast.calibrated import CalibratedSpec
 from rampcast.forecast.forecaster import ForecasterSpec, fit
-from rampcast.forecast.storage import PRETRAINED_FOLDER, load
+from rampcast.forecast.storage import load
+from rampcast.forecasters import PRETRAINED_FOLDER
 from rampcast.models.correction import CorrectionSpec
 from rampcast.recording import clean, concatenate
 from tests.made_up_traffic import random_traffic

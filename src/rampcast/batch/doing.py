@@ -7,8 +7,7 @@ import traceback
 from pathlib import Path
 from typing import Final
 
-from rampcast.batch.reading import parts_of, read_sources
-from rampcast.batch.steps import do_part, do_whole
+from rampcast.batch.parts import parts_of
 from rampcast.batch.task import Record, Task, done_before, failed, peak_memory, whole
 from rampcast.errors import RampcastError
 from rampcast.threads import choosing_threads
@@ -16,8 +15,13 @@ from rampcast.threads import choosing_threads
 PLAIN: Final = (RampcastError, OSError)  # whose words are for users
 
 
+def begin_process(threads: int) -> None:
+    """Lets polars, which is not imported yet, have so many threads in this process, if the user did not choose."""
+    os.environ.setdefault("POLARS_MAX_THREADS", str(threads))
+
+
 def run_task(task: Task) -> Record:
-    """Returns what became of a task, and writes it beside its results; one that was done before is not done again.
+    """Returns what became of a task, and writes it beside its results; one that was done before is `kept` as it was.
 
     A file that cannot be read, or whatever else goes wrong, is part of what is returned: it spoils no other task.
     """
@@ -25,7 +29,7 @@ def run_task(task: Task) -> Record:
     try:
         key = task.key()
         if (before := done_before(task)) is not None and before.get("key") == key and _goes_on(task, before):
-            return before
+            return before | {"kept": True}
         with choosing_threads(1):
             found: Record = {"key": key, "error": None} | _done(task)
     except PLAIN as error:
@@ -50,6 +54,10 @@ def _goes_on(task: Task, before: Record) -> bool:
 
 
 def _done(task: Task) -> Record:
+    # here, since who hands out tasks does none, and would else begin some seconds later
+    from rampcast.batch.reading import read_sources
+    from rampcast.batch.steps import do_part, do_whole
+
     if task.part is not None:
         return do_part(task.file, task.plan, task.part)
     return read_sources(task.file, task.plan) if task.plan.window else do_whole(task.file, task.plan)

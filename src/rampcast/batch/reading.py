@@ -1,26 +1,22 @@
-"""The first task of a file: it becomes rampcast's own parquet, if it is none, and is told in which parts to go on."""
+"""The first task of a file: it becomes rampcast's own parquet, if it is none, and is told what that spans."""
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
 from rampcast.batch.plan import Plan
-from rampcast.batch.task import Part, Record, Task, digest, model_files, settings
+from rampcast.batch.task import READ, Record
 from rampcast.doctor.diagnosis import examine_reading
 from rampcast.errors import RecordingError
 from rampcast.files import put, work_folder
 from rampcast.formats.files.head import heads_of
 from rampcast.formats.readers.own import OWN
 from rampcast.formats.reading import convert_all, format_of
-from rampcast.recording.extents import EDGE, extents_of
+from rampcast.recording.extents import extents_of
 from rampcast.recording.reading import ReadReport
 from rampcast.recording.recording import read_description
 from rampcast.sites import site_of
 
-READ: Final = ".read"  # folder of recordings that were read from other formats, until all their parts are done
 MOST_PARTS: Final = 100_000  # of a window: five minutes each for a year
 
 
@@ -72,44 +68,3 @@ def _source(path: Path, window: float) -> dict[str, Any]:
                 f"{MOST_PARTS:,} parts of {window:g} s; are its times in another unit, or two recordings in one?"
             )
     return {"path": str(path), "site": read_description(path).site.name, "windows": [asdict(one) for one in extents]}
-
-
-def parts_of(record: Mapping[str, Any], plan: Plan) -> list[Task]:
-    """Returns the tasks of the parts of a file that was read."""
-    work = digest(settings(plan), model_files(plan))
-    return [
-        Task(
-            Path(record["file"]),
-            plan,
-            Part(
-                number, Path(source["path"]), source["site"], one["window"], begin, end, one["first"], one["last"], key
-            ),
-        )
-        for number, (source, one, begin, end) in enumerate(_pieces(record["sources"], plan.window))
-        for key in [digest({"file": record["key"], "work": work, "window": one, "span": (begin, end)}, [])]
-    ]
-
-
-def _pieces(
-    sources: Sequence[Mapping[str, Any]], window: float
-) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any], float, float]]:
-    for source in sources:
-        for one in source["windows"]:
-            for begin, end in spans(one["first"], one["last"], window):
-                yield source, one, begin, end
-
-
-def spans(first: float, last: float, window: float) -> list[tuple[float, float]]:
-    """Returns the spans [s] that hold all of a recording, as the clock strikes; one of less than half joins another.
-
-    Args:
-        first, last: times of the first and last rows [s].
-        window: length of a span [s].
-    """
-    low, high = (math.floor((time + EDGE) / window) for time in (first, last))
-    edges = [number * window for number in range(low, high + 2)]
-    if len(edges) > 2 and edges[1] - first < window / 2:
-        del edges[1]
-    if len(edges) > 2 and last - edges[-2] < window / 2:
-        del edges[-2]
-    return list(pairwise(edges))

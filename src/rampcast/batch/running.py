@@ -6,20 +6,22 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from multiprocessing import get_context
 from typing import Final
 
-from rampcast.batch.doing import run_task
+from rampcast.batch.doing import begin_process, run_task
 from rampcast.batch.page import write_page
+from rampcast.batch.parts import parts_of
 from rampcast.batch.plan import Plan
-from rampcast.batch.reading import READ, parts_of
 from rampcast.batch.tables import Done, written_tables
-from rampcast.batch.task import Record, Task, failed
+from rampcast.batch.task import READ, Record, Task, failed
 from rampcast.errors import RampcastError
 from rampcast.files import check_folder
+from rampcast.threads import thread_count
 
 Tell = Callable[[str, int, int], None]
 TRIES: Final = 2  # times that a task may be running when its process dies before it is held to be the reason
@@ -47,22 +49,37 @@ def batch(
         raise RampcastError("a batch without files: name some, or patterns as 'data/*.csv'")
     check_folder(plan.out)
     tell = progress or (lambda what, done, total: None)
-
-    def run(what: str, tasks: Sequence[Task]) -> list[Record]:
-        found: dict[str, Record] = {}
-        tell(what, 0, len(tasks))
-        each = _on_cluster(tasks, scheduler) if scheduler else _here(tasks, processes or os.cpu_count() or 1)
-        for done, record in enumerate(each, start=1):
-            found[record["name"]] = record
-            tell(what, done, len(tasks))
-        return [found[task.name] for task in tasks]
-
-    files = run("files", [Task(file, plan) for file in plan.files])
-    parts = run("parts", [part for record in files for part in parts_of(record, plan)]) if plan.window else []
+    count = processes or os.cpu_count() or 1
+    with _pool(count) as pool:  # one for files and parts, since a process takes seconds to begin
+        each = partial(_on_cluster, scheduler=scheduler) if scheduler else partial(_here, processes=count, pool=pool)
+        files = _records("files", [Task(file, plan) for file in plan.files], each, tell)
+        cut = [part for record in files for part in parts_of(record, plan)] if plan.window else []
+        parts = _records("parts", cut, each, tell) if plan.window else []
     done = written_tables(files, parts, plan.out)
     page = write_page(done.tables, plan)
     _tidy(plan, {record["file"] for record in parts if record["error"]})
     return replace(done, files=(*done.files, page))
+
+
+def _records(
+    what: str, tasks: Sequence[Task], each: Callable[[Sequence[Task]], Iterator[Record]], tell: Tell
+) -> list[Record]:
+    """Returns the records of tasks; what was done before is no part of what is told, whose speed tells the time left.
+
+    Args:
+        what: is done.
+        tasks: in the order of the records.
+        each: yields records as tasks are done.
+        tell: see `batch`.
+    """
+    found: dict[str, Record] = {}
+    kept = 0
+    tell(what, 0, len(tasks))
+    for record in each(tasks):
+        found[record["name"]] = record
+        kept += record.get("kept", False)
+        tell(what, len(found) - kept, len(tasks) - kept)
+    return [found[task.name] for task in tasks]
 
 
 def _tidy(plan: Plan, unfinished: set[str]) -> None:
@@ -74,15 +91,25 @@ def _tidy(plan: Plan, unfinished: set[str]) -> None:
         (plan.out / READ).rmdir()
 
 
-def _here(tasks: Sequence[Task], processes: int) -> Iterator[Record]:
-    """Yields records as tasks are done, by processes that are started anew where one dies."""
+def _pool(processes: int) -> ProcessPoolExecutor:
+    """Returns processes that share the threads of this one; they begin with the first task."""
+    threads = max(1, thread_count() // processes)
+    return ProcessPoolExecutor(
+        processes, mp_context=get_context("spawn"), initializer=begin_process, initargs=(threads,)
+    )
+
+
+def _here(tasks: Sequence[Task], processes: int, pool: ProcessPoolExecutor) -> Iterator[Record]:
+    """Yields records as tasks are done, by the processes of a pool, and by new ones where one of these dies."""
     left = {task.name: task for task in tasks}
     deaths: Counter[str] = Counter()
+    given: AbstractContextManager[ProcessPoolExecutor] | None = nullcontext(pool)  # whose owner ends it
     while left:
         suspect = next((left[name] for name, _ in deaths.most_common() if name in left), None)  # alone, to know it
         now, count = ([suspect], 1) if suspect else ([*left.values()], min(processes, len(left)))
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-            for task, record in _fed(pool, now, count):
+        with given or _pool(count) as running:
+            given = None
+            for task, record in _fed(running, now, count):
                 if record is None:
                     deaths[task.name] += 1
                     if deaths[task.name] <= TRIES:

@@ -21,11 +21,11 @@ from rampcast.forecast.parts import write_forecasts
 from rampcast.forecast.protocol import Parts, RecordingForecaster
 from rampcast.forecast.storage import load
 from rampcast.formats import read_all
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import EDGE, FUTURE, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import BESIDE, cut_tracks
-from rampcast.recording.extents import EDGE, read_span, within
+from rampcast.recording.extents import read_span, within
 from rampcast.recording.invariants import check_believable
 from rampcast.recording.recording import KEY, read_description, seconds_of, write_recording
 from rampcast.recording.smoothing import LONGEST_FILLED_GAP, SHORTEST_TRACK

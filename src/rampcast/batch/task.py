@@ -10,10 +10,11 @@ from typing import Any, Final
 from rampcast import __version__
 from rampcast.batch.plan import Plan
 from rampcast.files import sha256_of, write_whole
-from rampcast.forecast.storage import PRETRAINED, PRETRAINED_FOLDER
+from rampcast.forecasters import PRETRAINED, PRETRAINED_FOLDER
 
 Record = dict[str, Any]
 RECORDS: Final = ".tasks"  # folder of what became of each task
+READ: Final = ".read"  # folder of recordings that were read from other formats, until all their parts are done
 READING: Final = ("site", "format", "mapping", "skip_bad_rows", "accept_doubtful")  # what reading depends on
 
 

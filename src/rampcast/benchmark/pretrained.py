@@ -23,7 +23,8 @@ from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
 from rampcast.forecast.learning import Training, joined_training
 from rampcast.forecast.protocol import tell_nobody
-from rampcast.forecast.storage import PRETRAINED_FOLDER, save
+from rampcast.forecast.storage import save
+from rampcast.forecasters import PRETRAINED_FOLDER
 from rampcast.formats import read_any
 from rampcast.models.correction import KNOTS, CorrectionSpec
 from rampcast.recording import clean

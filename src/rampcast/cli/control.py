@@ -38,7 +38,8 @@ def export_sumo(out: OutFile, model: AnyModel = None) -> None:
     from rampcast.arguments import expected
     from rampcast.control.export_sumo import export_sumo as write
     from rampcast.forecast.forecaster import Forecaster
-    from rampcast.forecast.storage import PRETRAINED, load
+    from rampcast.forecast.storage import load
+    from rampcast.forecasters import PRETRAINED
 
     found = load(PRETRAINED if model is None else model)
     advice = "the paper's framework has no drivers of its own"

@@ -112,7 +112,8 @@ def trained_model(folder: Path | None) -> "RecordingForecaster":
     Raises:
         RampcastError: it cannot be read.
     """
-    from rampcast.forecast.storage import PRETRAINED, load
+    from rampcast.forecast.storage import load
+    from rampcast.forecasters import PRETRAINED
 
     return load(PRETRAINED if folder is None else folder)
 

@@ -73,7 +73,8 @@ def progress(first: str | None = None) -> Iterator["Tell"]:
 
         def tell(what: str, done: int, total: int) -> None:
             if what not in tasks:
-                tasks[what] = bars.add_task(escape(what), total=total)
+                # what was done before is no part of the speed by which it tells the time left
+                tasks[what] = bars.add_task(escape(what), total=total, completed=done)
             bars.update(tasks[what], completed=done, total=total)
 
         if first is not None:

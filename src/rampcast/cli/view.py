@@ -93,7 +93,8 @@ def joint_model(folder: Path | None) -> "Forecaster":
         RampcastError: it is none that forecasts all vehicles of a moment.
     """
     from rampcast.forecast.forecaster import Forecaster
-    from rampcast.forecast.storage import PRETRAINED, load
+    from rampcast.forecast.storage import load
+    from rampcast.forecasters import PRETRAINED
 
     found = load(PRETRAINED if folder is None else folder)
     if not isinstance(found, Forecaster):

@@ -9,10 +9,10 @@ import numpy as np
 
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecaster import Forecaster, forecast_traffic
-from rampcast.horizon import FUTURE, STEP
+from rampcast.horizon import EDGE, FUTURE, STEP
 from rampcast.recording import columns as c
 from rampcast.sites import Site
-from rampcast.traffic.moments import EDGE, SPAN, Rows, traffic_of_rows
+from rampcast.traffic.moments import SPAN, Rows, traffic_of_rows
 
 AGES: Final = (60.0, 600.0)  # [s] how old a forecast is that a shuffled one is made of
 MERGES_AT: Final = 0.5  # of the ramp lane: where constant speeds let ramp vehicles merge

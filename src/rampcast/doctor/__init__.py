@@ -1,21 +1,5 @@
 """The data doctor: what is in a recording, what is wrong with it, where, how bad it is, and what to do about it."""
 
-from rampcast.doctor.checks import CHECKS
-from rampcast.doctor.diagnosis import Diagnosis, RoadDiagnosis, doctor, examine
-from rampcast.doctor.distributions import Distribution
-from rampcast.doctor.finding import Check, Finding, Severity
-from rampcast.doctor.summary import Summary, inspect
+import lazy_loader
 
-__all__ = [
-    "CHECKS",
-    "Check",
-    "Diagnosis",
-    "Distribution",
-    "Finding",
-    "RoadDiagnosis",
-    "Severity",
-    "Summary",
-    "doctor",
-    "examine",
-    "inspect",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,9 +10,10 @@ import polars as pl
 from rampcast.arguments import expected
 from rampcast.doctor.checks import CHECKS, ramp, reading
 from rampcast.doctor.distributions import Distribution, distributions
-from rampcast.doctor.finding import Check, Faults, Finding, NotAssessed, Severity, finding_of
+from rampcast.doctor.finding import Check, Faults, Finding, NotAssessed, finding_of
 from rampcast.doctor.picture_tables import picture_tables
 from rampcast.doctor.places import FINDING, PLACE_SCHEMA
+from rampcast.doctor.severity import Severity
 from rampcast.doctor.subject import subject_of
 from rampcast.notebook import html_table
 from rampcast.recording import Recording

@@ -4,24 +4,16 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from typing import Any
 
 import polars as pl
 
 from rampcast.doctor.places import VALUE
+from rampcast.doctor.severity import Severity
 from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 
 MOST_EXAMPLES = 10
-
-
-class Severity(Enum):
-    """How bad a finding is, the worst first."""
-
-    SPOILS = "spoils a forecast"
-    WARNING = "warning"
-    NOTE = "note"
 
 
 @dataclass(frozen=True)

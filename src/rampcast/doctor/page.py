@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from rampcast.doctor import figures
 from rampcast.doctor.diagnosis import Diagnosis, RoadDiagnosis
 from rampcast.doctor.distributions import LABELS
-from rampcast.doctor.finding import Finding, Severity
+from rampcast.doctor.finding import Finding
+from rampcast.doctor.severity import Severity
 from rampcast.files import write_outputs
 from rampcast.plots import style
 

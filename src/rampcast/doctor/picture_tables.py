@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from rampcast.doctor.finding import Finding, Severity
+from rampcast.doctor.finding import Finding
 from rampcast.doctor.places import FINDING, PLACE_SCHEMA
+from rampcast.doctor.severity import Severity
 from rampcast.doctor.subject import Subject
 from rampcast.recording import columns as c
 

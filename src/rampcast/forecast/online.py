@@ -11,11 +11,11 @@ from rampcast.errors import ModelError
 from rampcast.forecast.forecast import Forecast
 from rampcast.forecast.forecaster import Forecaster, forecast_traffic
 from rampcast.forecast.recalibration import HORIZONS, LEVELS, STEPS, Recalibration
-from rampcast.horizon import STEP
+from rampcast.horizon import EDGE, STEP
 from rampcast.models.correction import KNOTS
 from rampcast.recording.breach import Doubtful
 from rampcast.sites import Site
-from rampcast.traffic.moments import EDGE, Traffic
+from rampcast.traffic.moments import Traffic
 from rampcast.traffic.stream import Stream, StreamCounts
 
 NEW: Final = Recalibration()

@@ -18,7 +18,8 @@ NEEDS_RAW = (
     "a forecast needs the raw recording: a smoothed one that was read from a file knows what comes. Read the raw one, "
     "and smooth it with `rc.clean`"
 )
-Progress = Callable[[str, int, int], None]  # what is being done, steps done, steps in all
+# What is being done, steps done, steps in all; steps that the first call says are done were done before.
+Progress = Callable[[str, int, int], None]
 
 
 @runtime_checkable

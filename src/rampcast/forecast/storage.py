@@ -2,20 +2,17 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 from rampcast.arguments import expected
 from rampcast.errors import ModelError
 from rampcast.forecast.protocol import RecordingForecaster
-from rampcast.forecasters import FOLDERS
+from rampcast.forecasters import FOLDERS, PRETRAINED, PRETRAINED_FOLDER
 from rampcast.models.folder import kind_of, load_model, save_model
 from rampcast.models.plain_data import Tags
 
 if TYPE_CHECKING:
     from rampcast.forecast.forecaster import Forecaster
-
-PRETRAINED: Final = "pretrained"
-PRETRAINED_FOLDER: Final = Path(__file__).parent / PRETRAINED
 
 
 def save(forecaster: RecordingForecaster, folder: str | Path) -> None:

@@ -7,10 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from rampcast.horizon import EDGE
 from rampcast.live.frames import Id
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import FASTEST
-from rampcast.traffic.moments import EDGE, SPAN, Rows, select
+from rampcast.traffic.moments import SPAN, Rows, select
 
 KEPT: Final = 5.0  # [s] of a vehicle
 APART: Final = 0.5 - EDGE  # [s] between the two frames that a speed is told from

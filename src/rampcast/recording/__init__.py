@@ -1,14 +1,5 @@
 """Recordings: one table of trajectories in SI units, and its cleaning."""
 
-from rampcast.recording.recording import Recording, concatenate, read_recording, write_recording, write_recordings
-from rampcast.recording.smoothing import CleaningReport, clean
+import lazy_loader
 
-__all__ = [
-    "CleaningReport",
-    "Recording",
-    "clean",
-    "concatenate",
-    "read_recording",
-    "write_recording",
-    "write_recordings",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,11 +7,10 @@ from pathlib import Path
 import polars as pl
 
 from rampcast.errors import RecordingError
+from rampcast.horizon import EDGE
 from rampcast.recording import columns as c
 from rampcast.recording.parquet import refusing_damage
 from rampcast.recording.recording import KEY, Recording, checked, read_description
-
-EDGE = 1e-6  # [s] by which a row may lie off the ends of a span
 
 
 @dataclass(frozen=True)

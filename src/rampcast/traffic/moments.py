@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from rampcast.errors import RecordingError
-from rampcast.horizon import PAST, SAME_STEP, STEP
+from rampcast.horizon import EDGE, PAST, SAME_STEP, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.roads.project import lanes_at
@@ -20,7 +20,6 @@ from rampcast.sites.site import NO_LANE
 
 GRID = np.arange(-PAST, 1) * STEP  # [s] the moments of a past: -4.0, -3.8 ... 0.0 s
 SPAN = PAST * STEP  # [s]
-EDGE = 1e-6  # [s] by which a row may lie off the ends of the span
 
 
 @dataclass(frozen=True)

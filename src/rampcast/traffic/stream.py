@@ -8,12 +8,13 @@ import numpy as np
 
 from rampcast.arguments import chosen
 from rampcast.errors import RecordingError
+from rampcast.horizon import EDGE
 from rampcast.recording import columns as c
 from rampcast.recording.breach import Doubtful
 from rampcast.recording.frame_door import frame_door, refused_frame
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
-from rampcast.traffic.moments import EDGE, SPAN, Rows, Traffic, select, traffic_of_rows
+from rampcast.traffic.moments import SPAN, Rows, Traffic, select, traffic_of_rows
 
 NEEDED = (c.VEHICLE, c.X, c.Y)
 CAR = c.KINDS.index("car")

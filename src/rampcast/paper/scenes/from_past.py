@@ -12,7 +12,7 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 
 from rampcast.errors import RecordingError
-from rampcast.horizon import FUTURE, PAST, STEP
+from rampcast.horizon import EDGE, FUTURE, PAST, STEP
 from rampcast.paper.scenes.build import future_states
 from rampcast.paper.scenes.scenes import CENTRAL, SLOTS, Scenes
 from rampcast.paper.scenes.stand_ins import fill_past, fill_role_past, stand_ins
@@ -22,7 +22,7 @@ from rampcast.roads.project import lanes_at
 from rampcast.sites.site import NO_LANE
 from rampcast.traffic.anchors import FEATURES, X, Y, rows_of
 from rampcast.traffic.around import LOST
-from rampcast.traffic.moments import EDGE, Traffic, traffic_at_times
+from rampcast.traffic.moments import Traffic, traffic_at_times
 from rampcast.traffic.neighbours import NONE
 from rampcast.traffic.outcomes import follow, lane_change_times
 

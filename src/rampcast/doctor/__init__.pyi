@@ -1,0 +1,11 @@
+from .checks import CHECKS as CHECKS
+from .diagnosis import Diagnosis as Diagnosis
+from .diagnosis import RoadDiagnosis as RoadDiagnosis
+from .diagnosis import doctor as doctor
+from .diagnosis import examine as examine
+from .distributions import Distribution as Distribution
+from .finding import Check as Check
+from .finding import Finding as Finding
+from .severity import Severity as Severity
+from .summary import Summary as Summary
+from .summary import inspect as inspect
