@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rampcast.forecast.learning import Base, Training, fit_base, joined_training
+from rampcast.forecast.learning import Base, Training, fit_base, joined_training, with_sites
 from rampcast.forecast.populations import Populations, driver_population, populations_table
 from rampcast.forecast.tags import TAGS
 from rampcast.models.drivers import PARAMETERS
@@ -29,10 +29,15 @@ def training(count: int, *, seed: int, site: str | None = None) -> Training:
 
 
 @pytest.fixture(scope="module")
-def of_three() -> Base:
-    """A roll-out of any site, learned from three."""
+def three() -> Training:
     parts = [training(90, seed=seed, site=site) for seed, site in enumerate(("north", "south", "west"), start=1)]
-    return fit_base(joined_training(parts), seed=1)
+    return joined_training(parts)
+
+
+@pytest.fixture(scope="module")
+def of_three(three) -> Base:
+    """A roll-out of any site, learned from three."""
+    return fit_base(three, seed=1)
 
 
 def test_a_known_spread_of_headways_over_sites_is_found_again():
@@ -102,3 +107,19 @@ def test_a_forecaster_of_before_says_nothing_of_sites_and_gives_its_hazard_where
     found = fit_base(nobody, seed=1, start=of_three)
     assert found.roll_out.hazard.constant != old.roll_out.hazard.constant
     assert found.forest is of_three.forest
+
+
+@pytest.mark.slow
+def test_one_of_pooled_sites_forecasts_as_if_nobody_had_told_them_apart_and_draws_small_ones_to_their_mean(three):
+    pooled = fit_base(replace(three, site=None), seed=1)
+    found = with_sites(pooled, three)
+    assert same(replace(found, sites=None), pooled)
+    assert found.sites.main.sites == found.sites.hazard.parameters.sites == ("north", "south", "west")
+    some = training(36, seed=9)
+    rare = replace(some, change_time=np.where(np.arange(36) % 4 == 0, some.change_time, np.nan))
+    alone, near = (fit_base(rare, seed=1, start=start).roll_out for start in (pooled, found))
+    headway = found.sites.main.mean[HEADWAY]
+    first, second = (abs(np.log(one.main.centre[HEADWAY]) - headway) for one in (alone, near))
+    assert second < 0.7 * first
+    assert near.hazard.unknown > 0.0
+    assert with_sites(pooled, training(90, seed=1, site="north")).sites is None  # of one site nobody knows a spread

@@ -18,11 +18,10 @@ from rampcast.benchmark.cases import Cases
 from rampcast.benchmark.data_sets import DATA_SETS
 from rampcast.benchmark.run import default_folder
 from rampcast.benchmark.splits import split
-from rampcast.forecast.calibrated import CalibratedSpec, fit_calibrated
+from rampcast.forecast.calibrated import Calibrated, CalibratedSpec, Tell, fit_calibrated, tell_nobody
 from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecaster import Forecaster, ForecasterSpec
-from rampcast.forecast.learning import Training, joined_training
-from rampcast.forecast.protocol import tell_nobody
+from rampcast.forecast.learning import Training, joined_training, with_sites
 from rampcast.forecast.storage import save
 from rampcast.forecasters import PRETRAINED_FOLDER
 from rampcast.formats import read_any
@@ -52,9 +51,7 @@ def main() -> None:
     """Writes the pretrained model into the package, with its provenance and scores."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default_folder()
     parts = dict(parts_of(folder))
-    # pooled: with sites told apart the test parts, which are of the same sites, are forecast worse (docs, tries: sites)
-    training = replace(joined_training(list(parts.values())), site=None)
-    model = fit_calibrated(training, spec=SPEC, tell=lambda done, total: print(f"stage {done} of {total}", flush=True))
+    model = pooled_with_sites(joined_training(list(parts.values())), spec=SPEC, tell=_say)
     digests = tuple(_digest(part) for part in parts.values())
     forecaster = Forecaster(
         site=None,
@@ -73,6 +70,24 @@ def main() -> None:
     }
     (PRETRAINED_FOLDER / PROVENANCE).write_text(json.dumps(told, indent=1), encoding="utf-8")
     print(json.dumps(told, indent=1))
+
+
+def pooled_with_sites(training: Training, *, spec: CalibratedSpec, tell: Tell = tell_nobody) -> Calibrated:
+    """Returns a forecaster of all sites pooled, with how they differ for those that are trained from it.
+
+    With sites told apart the test parts, which are of the same sites, are forecast worse (docs/decisions/tries.md).
+
+    Args:
+        training: of several sites.
+        spec: what may be chosen.
+        tell: called when a stage is done.
+    """
+    model = fit_calibrated(replace(training, site=None), spec=spec, tell=tell)
+    return replace(model, base=with_sites(model.base, training))
+
+
+def _say(done: int, total: int) -> None:
+    print(f"stage {done} of {total}", flush=True)
 
 
 def training_of_cases(cases: Cases, number: int) -> Training:
@@ -98,7 +113,7 @@ def parts_of(folder: Path) -> Iterator[tuple[str, Training]]:
     for window in TRAINING_WINDOWS:  # first: their rate of lane changes counts
         file = shipped_sample()[window]
         recording, _ = clean(read_any([file])[0])
-        found = training_of(recording, spacing=SPACING, tell=lambda done, total: tell_nobody("", done, total))
+        found = training_of(recording, spacing=SPACING, tell=tell_nobody)
         group = np.array([f"{window}-{name}" for name in found.group.tolist()])
         yield file.stem, replace(found, group=group, site=np.full(len(found), SIMULATED))
     for number, name in enumerate(SITES, start=1):

@@ -16,13 +16,21 @@ from rampcast.models.drivers import DriverPrior, driver_evidence, fit_drivers
 from rampcast.models.folds import Fold, time_folds
 from rampcast.models.merge_features import merge_columns
 from rampcast.models.merge_forest import MergeForest, fit_merge_forest, rate_of
-from rampcast.models.merging import LEAST_EVENTS, NEVER, MergeHazard, fit_merge_hazard, merge_periods, merge_zone
+from rampcast.models.merging import (
+    LEAST_EVENTS,
+    NEVER,
+    MergeHazard,
+    Periods,
+    fit_merge_hazard,
+    merge_periods,
+    merge_zone,
+)
 from rampcast.models.platoon_head import fit_head
 from rampcast.models.pooled_driver import LEAST_CASES
 from rampcast.models.site_hazards import HazardPopulation
 from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import MergeScenes
-from rampcast.traffic.platoons import HISTORY
+from rampcast.traffic.platoons import HISTORY, Platoons
 from rampcast.traffic.situation import NOBODY, Situation, joined_situations, situation_of_scenes
 
 PASSES = 2  # of learning the hazard: the second with those ahead merging by the first
@@ -166,7 +174,7 @@ def fit_base(training: Training, *, seed: int, start: Base | None = None) -> Bas
     )
     merging = np.flatnonzero(training.merging)
     merges = len(set(training.group[merging][np.isfinite(training.change_time[merging])].tolist()))
-    some = training.select(merging[:: -(-len(merging) // MOST_SCENES)]) if len(merging) else None
+    some = training.select(_some_merging(training)) if len(merging) else None
     if start is not None and merges < LEAST_EVENTS:
         return Base(replace(model, hazard=_hazard_of_few(model, some, seed, start)), start.forest, seed, _known(sites))
     if some is None:
@@ -174,6 +182,31 @@ def fit_base(training: Training, *, seed: int, start: Base | None = None) -> Bas
     model, hazards = _with_hazard(model, some, seed, sites.hazard)
     model = _with_manners(model, training, seed)
     return Base(model, _forest(model, some, seed), seed, _known(replace(sites, hazard=hazards)))
+
+
+def with_sites(base: Base, training: Training) -> Base:
+    """Returns a roll-out with how the sites of its training vehicles differ, which forecasts as before.
+
+    Another that is trained from it is drawn to the mean of these sites, by how little its own vehicles tell.
+
+    Args:
+        base: see there; of all sites pooled.
+        training: what it was trained on, with `site`.
+    """
+    main, ramp, merging = _main_rows(training), np.flatnonzero(training.scenes.may_merge), _some_merging(training)
+    hazard = None
+    if len(merging) and training.site is not None:
+        some, pooled = training.select(merging), base.roll_out.hazard
+        periods = _periods(base.roll_out, some, base.seed)
+        hazard = hazard_population(periods, pooled, site=training.site[merging], vehicle=some.group)
+    sites = Populations(_driver_population(training, main), _driver_population(training, ramp), hazard)
+    return replace(base, sites=_known(sites))
+
+
+def _some_merging(training: Training) -> Int[np.ndarray, "chosen"]:
+    """Returns those that have a lane to merge into, evenly spread."""
+    merging = np.flatnonzero(training.merging)
+    return merging[:: max(1, -(-len(merging) // MOST_SCENES))]
 
 
 def _known(sites: Populations) -> Populations | None:
@@ -206,16 +239,27 @@ def _drivers(
     training: Training, rows: Int[np.ndarray, "chosen"], before: Population | None, like: DriverPrior | None
 ) -> tuple[DriverPrior, Population | None]:
     """Returns the drivers that some vehicles show, and how sites differ in them: from these, or as known before."""
-    vehicles = (training.scenes.own.select(rows), training.in_lane[rows], training.leader_truth[rows])
-    group, population = training.group[rows], None
-    if training.site is not None:
-        population = driver_population(*vehicles, site=training.site[rows], vehicle=group)
-    if population is not None:
+    vehicles = _followers(training, rows)
+    if (population := _driver_population(training, rows)) is not None:
         return fit_drivers(*vehicles, about=population.site(), like=like), population
     if before is not None:
-        about = before.site(driver_evidence(*vehicles, group))
+        about = before.site(driver_evidence(*vehicles, training.group[rows]))
         return fit_drivers(*vehicles, about=about, like=like), before
     return fit_drivers(*vehicles), None
+
+
+def _driver_population(training: Training, rows: Int[np.ndarray, "chosen"]) -> Population | None:
+    """Returns how sites differ in the drivers of some vehicles; None if these do not tell."""
+    if training.site is None:
+        return None
+    return driver_population(*_followers(training, rows), site=training.site[rows], vehicle=training.group[rows])
+
+
+def _followers(
+    training: Training, rows: Int[np.ndarray, "chosen"]
+) -> tuple[Platoons, Float[np.ndarray, "chosen step"], Float[np.ndarray, "chosen step"]]:
+    """Returns some vehicles as drivers are fitted to them: what was known, where they went, and where their leaders."""
+    return training.scenes.own.select(rows), training.in_lane[rows], training.leader_truth[rows]
 
 
 def _with_hazard(
@@ -225,10 +269,8 @@ def _with_hazard(
     scenes, change_time, seen_for = training.scenes, training.change_time, training.seen_for
     zone = merge_zone(scenes.to_end, training.truth, change_time)
     model, population = replace(model, hazard=replace(NEVER, first=zone[0], last=zone[1])), None
-    situation = situation_of_scenes(scenes)
     for _ in range(PASSES):
-        seen = drive_waiting(model, begin(model, situation), samples=LEARNING_SAMPLES, seed=seed)
-        periods = merge_periods(seen.seen, change_time, seen_for, may=seen.can)
+        periods = _periods(model, training, seed)
         hazard = fit_merge_hazard(periods, change_time, seen_for, zone=zone)
         if training.site is not None:
             population = hazard_population(periods, hazard, site=training.site, vehicle=training.group)
@@ -240,15 +282,19 @@ def _with_hazard(
     return model, population or before
 
 
+def _periods(model: RollOut, training: Training, seed: int) -> Periods:
+    """Returns what vehicles that may merge saw of their gaps as the roll-out drives them, and when they took one."""
+    beginning = begin(model, situation_of_scenes(training.scenes))
+    seen = drive_waiting(model, beginning, samples=LEARNING_SAMPLES, seed=seed)
+    return merge_periods(seen.seen, training.change_time, training.seen_for, may=seen.can)
+
+
 def _hazard_of_few(model: RollOut, training: Training | None, seed: int, start: Base) -> MergeHazard:
     """Returns the hazard of a site that shows few merges: near that of other sites, where these were told apart."""
     hazard, before = start.roll_out.hazard, None if start.sites is None else start.sites.hazard
     if before is None or training is None:
         return hazard
-    model = replace(model, hazard=hazard)
-    beginning = begin(model, situation_of_scenes(training.scenes))
-    seen = drive_waiting(model, beginning, samples=LEARNING_SAMPLES, seed=seed)
-    periods = merge_periods(seen.seen, training.change_time, training.seen_for, may=seen.can)
+    periods = _periods(replace(model, hazard=hazard), training, seed)
     estimate = before.parameters.site(before.evidence(periods, training.group))
     return before.hazard(estimate, (hazard.first, hazard.last))
 
