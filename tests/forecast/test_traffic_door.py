@@ -7,6 +7,7 @@ import pytest
 
 import rampcast as rc
 from rampcast.errors import RecordingError
+from rampcast.forecast import forecaster
 from rampcast.recording.frame_door import frame_door, refused_frame
 from tests.made_up_traffic import random_traffic
 
@@ -45,6 +46,14 @@ def test_a_state_that_no_vehicle_has_is_named_and_not_forecast(moment, pretraine
         pretrained.predict(broken)
     assert f"vehicle {vehicle}" in str(raised.value)
     assert 'doubtful="accept"' in str(raised.value)
+
+
+def test_a_moment_of_too_many_vehicles_is_refused_though_accepted(moment, pretrained):
+    some = np.arange(forecaster.MOST_VEHICLES + 1) % len(moment.vehicle)
+    many = {name: value[some] for name, value in vars(moment).items() if isinstance(value, np.ndarray)}
+    crowd = replace(moment, **(many | {"vehicle": np.arange(len(some)), "is_accepted": True}))
+    with pytest.raises(RecordingError, match=r"20,001 vehicles at one moment, expected 20,000 at most\. Cut"):
+        pretrained.predict(crowd)
 
 
 def test_all_vehicles_in_one_place_are_refused_and_two_of_many_are_not(moment):

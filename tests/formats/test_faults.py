@@ -296,7 +296,7 @@ def anywhere() -> list[Fault]:
                         form,
                         f"told by content: {what}",
                         files,
-                        r"Tried, the nearest first: |bytes that no text has|the file is empty|cut off",
+                        r"Tried, the nearest first: |bytes that no text has|UTF-16|the file is empty|cut off",
                         (name,),
                         None,
                         False,

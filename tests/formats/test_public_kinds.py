@@ -17,6 +17,7 @@ from rampcast.recording import Recording, clean, write_recording
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import cut_tracks
 from rampcast.sites import Lane, Site, load_site, write_site
+from tests.formats.samples import samples
 
 NAMES = (
     "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_Length,v_Width,v_Class,v_Vel,v_Acc,"
@@ -233,6 +234,68 @@ def test_interactions_tracks_without_agent_type_are_cars(tmp_path):
     text = "track_id,frame_id,timestamp_ms,x,y,vx,vy,psi_rad,length,width\n" + "\n".join(rows) + "\n"
     recording, _ = read_any([written(tmp_path, "vehicle_tracks_000.csv", text)])
     assert set(recording.tracks[c.KIND]) == {"car"}
+
+
+@pytest.mark.parametrize("name", ["car", "Car", "TRUCK", ""])
+@pytest.mark.parametrize("ids", [lambda k: f"{k}", lambda k: f"{k}.0", lambda k: f"veh-{k}"])
+def test_interactions_ids_may_be_words_and_its_types_be_in_capitals_or_blank(tmp_path, ids, name):
+    head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width\n"
+    rows = [
+        f"{ids(n)},{k},{100 * k},{name},{100 + 2 * k},{50 + 4 * n},20,0,0,4.5,1.8" for n in (7, 8) for k in range(9)
+    ]
+    walks = [f"P1,{k},{100 * k},pedestrian/bicycle,{100 + k / 10},58,1,0,,," for k in range(9)]
+    recording, report = read_any(
+        [written(tmp_path, "vehicle_tracks_000.csv", head + "\n".join([*rows, *walks]) + "\n")]
+    )
+    assert (recording.tracks[c.VEHICLE].n_unique(), report.rows, report.rows_not_vehicles) == (2, 18, 9)
+    assert set(recording.tracks[c.KIND]) == {"truck" if name == "TRUCK" else "car"}
+
+
+@pytest.mark.parametrize("as_parquet", [False, True])
+def test_lanelets_that_pandas_made_floats_are_the_map_s(tmp_path, as_parquet):
+    sample = samples()["exid"]
+    (name,) = sample.given
+    wanted, _ = read_any(sample.write(tmp_path), site=sample.site)
+    lanelet = pl.col("laneletId").str.split(";").list.first().cast(pl.Float64)  # those that overlap are words still
+    table = pl.read_csv(sample.files[name]).with_columns(lanelet)
+    paths = sample.write(tmp_path, {name: table.write_csv().encode()})
+    if as_parquet:
+        table.write_parquet(paths[0].with_suffix(".parquet"))
+        paths = [paths[0].with_suffix(".parquet")]
+    found, _ = read_any(paths, site=sample.site)
+    assert found.tracks.equals(wanted.tracks)
+
+
+@pytest.mark.parametrize("are_files", [False, True])
+def test_two_places_whose_ids_are_alike_are_refused(tmp_path, are_files):
+    head = "recording,vehicle,time,x,y,lane\n"
+    here, far = (
+        [f"one,{n},{k / 10},{begin + 20 * n + 2 * k},0,1" for n in range(1, 5) for k in range(30)] for begin in (0, 700)
+    )
+    tables = [here, far] if are_files else [[*here, *far]]
+    files = [written(tmp_path, f"{k}.csv", head + "\n".join(rows) + "\n") for k, rows in enumerate(tables)]
+    with pytest.raises(FormatError, match=r"120 of 240 rows put a vehicle elsewhere .* files of two places"):
+        read_any(files)
+    assert read_any([written(tmp_path, "here.csv", head + "\n".join(here) + "\n")])[1].rows == 120
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"data": [{"vehicle_id": "1"}]}',
+        '{"meta": {"view": {}}, "data": [["1", "2"]]}',
+        '{"error": true, "message": "not found"}',
+        '{"vehicle_id": 1}\n{"vehicle_id": 2}',
+        '{"type": "FeatureCollection", "features": []}',
+        "[]",
+        '[["vehicle_id"], ["1"]]',
+        '\ufeff{"vehicle_id": {"0": 1}}',
+    ],
+)
+@pytest.mark.parametrize("ending", ["json", "csv"])
+def test_json_that_is_no_array_of_rows_is_called_so(tmp_path, text, ending):
+    with pytest.raises(FormatError, match=r"json, but no array of rows.* Get the table as csv"):
+        read_all([written(tmp_path, f"a.{ending}", text)])
 
 
 def test_a_protobuf_of_commonroad_is_refused_with_a_word(tmp_path):

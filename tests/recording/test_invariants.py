@@ -118,6 +118,24 @@ def test_recorded_speeds_are_compared_and_another_unit_of_them_alone_spoils_noth
     assert [one.spoils for one in found if one.name == "recorded_speeds"] == ([] if spoils is None else [spoils])
 
 
+def test_positions_in_feet_are_seen_by_speeds_that_no_traffic_has(sound):
+    steps = sound.tracks.select(pl.col(c.X).diff().over(c.RECORDING, c.VEHICLE)).to_series().drop_nulls()
+    fast = changed(sound, x=x * 55.0 * sound.time_step / steps.median())
+    found = next(one for one in breaches_of(fast) if one.name == "impossible_speeds")
+    assert found.spoils
+    assert "speeds that no traffic has" in str(found)
+    assert "wrong unit of positions" in str(found)
+
+
+@pytest.mark.parametrize(("factor", "spoils"), [(1.0, False), (0.3048, True), (3.28084, True)])
+def test_lateral_positions_in_another_unit_than_the_lanes_are_seen(sound, factor, spoils):
+    lanes = tuple(replace(lane, centre=lane.centre - 20.0) for lane in sound.site.lanes)
+    moved = replace(sound, site=replace(sound.site, lanes=lanes, lane_line=()))
+    found = {one.name: one for one in breaches_of(changed(moved, y=(pl.col(c.Y) - 20.0) * factor))}
+    assert ("beside_lanes" in found) is spoils
+    assert not spoils or found["beside_lanes"].spoils
+
+
 def test_lanes_of_a_site_in_feet_are_seen(sound):
     lanes = tuple(replace(lane, centre=lane.centre / 0.0254) for lane in sound.site.lanes)
     found = breaches_of(replace(sound, site=replace(sound.site, lanes=lanes)))

@@ -91,6 +91,20 @@ def test_a_bridge_over_the_road_is_not_on_the_site_of_the_road():
     assert report.rows_off_road == 45 + 120
 
 
+@pytest.mark.parametrize("degrees", [12, 20, 35, 50])
+def test_a_bridge_aslant_over_the_road_is_not_on_it(degrees):
+    way = 20.0 * 0.1 * (np.arange(150) - 75)
+    aslant = np.radians(degrees)
+    over = [Track(200.0 + shift + way * np.cos(aslant), -3.6 + way * np.sin(aslant)) for shift in (0.0, 15.0, 40.0)]
+    weaves = Track(2.0 * np.arange(200), np.interp(np.arange(200), [40, 160], [3.6, -10.8]))  # 3.4 degrees
+    road = [*(straight(y, speed=25.0) for y in (3.6, 0.0, -3.6, -7.2, -10.8)), weaves]
+    (drafted,), report = read(plane_of([*road, *over]))
+    assert set(drafted.tracks[c.VEHICLE]) == {1, 2, 3, 4, 5, 6}
+    assert report.rows_off_road == 3 * 150
+    (with_site,), report = read(plane_of([*road, *over]), drafted.site)
+    assert set(with_site.tracks[c.VEHICLE]) == {1, 2, 3, 4, 5, 6}
+
+
 def test_a_vehicle_of_the_other_way_is_left_out_even_where_it_is_seen_for_ten_metres():
     road = [straight(y, speed=25.0) for y in (0.0, -3.6)]
     against = straight(0.0, start=110.0, end=100.0, speed=10.0)

@@ -257,11 +257,13 @@ def _write_draft(recording: "Recording", picture: Path) -> None:
 
 
 def _write_site(recording: "Recording", out: Path, picture: Path) -> None:
+    from rampcast.files import write_whole
     from rampcast.plots.site_picture import write_site_picture
     from rampcast.sites import write_site
 
-    write_site(recording.site, out)
-    write_site_picture(recording, picture)
+    with write_whole(out) as new:  # takes its place when the picture has taken its own: on a full disk neither does
+        write_site(recording.site, new)
+        write_site_picture(recording, picture)
     length = recording.site.ramp_end - recording.site.gore
     if length < SHORTEST_RAMP:  # never true of a site without a ramp: its length is not known
         terminal.warn(

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float
 
-from rampcast.horizon import STEPS_PER_SECOND
+from rampcast.horizon import FUTURE, STEPS_PER_SECOND
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 
@@ -73,8 +73,15 @@ def errors_by(table: pl.LazyFrame, by: Sequence[str]) -> pl.DataFrame:
 
     Args:
         table: as `beside_truth` gives it.
-        by: columns that name a group.
+        by: columns that name a group, "horizon" among them.
     """
+    wanted = table.select([*dict.fromkeys([*by, "horizon", "error", "truth", *LEVELS])])
+    seconds = pl.col("horizon").round()  # one after the other: the rows of all would fill the memory
+    found = [_errors_by(wanted.filter(seconds == second), by) for second in range(1, FUTURE // STEPS_PER_SECOND + 1)]
+    return pl.concat(found).sort(by)
+
+
+def _errors_by(table: pl.LazyFrame, by: Sequence[str]) -> pl.DataFrame:
     measured = {"n": pl.len(), **SCORES, **BAND_SCORES}
     # a sum of floats depends on their order, which threads change: sorted rows give the same to the bit on any machine
     rows = table.select(*by, "error", "truth", *LEVELS).collect().sort(pl.all())

@@ -21,6 +21,7 @@ from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_tim
 
 ROWS = 200_000  # of the longest table that are kept before they are written: some 10 MB
 BATCH = 16  # moments that are forecast together: 100 samples of 100 vehicles each are 72 MB
+MANY = 4000  # vehicles, whatever their moments: as many as are at 16 moments of a long section
 SCENES = 256  # of a forecaster of scenes at a time
 
 
@@ -78,9 +79,14 @@ def _raw_of(recording: Recording) -> Recording:
 def in_batches(
     predict: Callable[[Sequence[Traffic]], list[Forecast]], moments: Iterable[Traffic]
 ) -> Iterator[Forecast]:
-    """Yields the forecast of each moment; `BATCH` of them are made together."""
-    left = iter(moments)
-    while some := [*islice(left, BATCH)]:
+    """Yields the forecast of each moment; `BATCH` of them are made together, or fewer where many vehicles are there."""
+    some: list[Traffic] = []
+    for moment in moments:
+        some.append(moment)
+        if len(some) == BATCH or sum(len(one.vehicle) for one in some) > MANY:
+            yield from predict(some)
+            some = []
+    if some:
         yield from predict(some)
 
 

@@ -1,5 +1,6 @@
 """Reading and converting: recordings from files or tables of one of the formats, told by their content."""
 
+import codecs
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,8 +25,11 @@ from rampcast.recording.recording import TABLE
 from rampcast.roads.ramp import road_named
 from rampcast.sites import Site, site_of
 
+FEW = 20  # rows in which that may be, whatever their share
+CONFLICTS = 0.1  # of the rows; NGSIM repeats rows, but hardly any with other positions
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 COMMONROAD = re.compile(rb"[A-Z]{3}_[A-Za-z0-9]+-\d+_\d+_[A-Z]-\d")  # the name of a scenario
 
 
@@ -109,10 +113,25 @@ def _read(
     if mapping is None:
         entry = format_of(heads, format)
         found = entry.read(heads, site, bad_rows)
-        return found if entry.convert is not None else _cut(*found)  # those cut as they do part by part
+        return found if entry.convert is not None else _cut(*_agreeing(*found))  # those cut as they do part by part
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
-    return _cut(*read_mapped(heads, load_mapping(mapping), site, bad_rows))
+    return _cut(*_agreeing(*read_mapped(heads, load_mapping(mapping), site, bad_rows)))
+
+
+def _agreeing(recordings: Recordings, report: ReadReport) -> tuple[Recordings, ReadReport]:
+    """Returns what reading found, if its rows agree where vehicles are.
+
+    Raises:
+        FormatError: many rows put a vehicle elsewhere than another row of the same moment.
+    """
+    if report.conflicting_duplicates > max(FEW, CONFLICTS * report.rows_read):
+        raise FormatError(
+            f"{', '.join(report.files)}: {report.conflicting_duplicates:,} of {report.rows_read:,} rows put a vehicle "
+            "elsewhere than another row of the same vehicle and moment: files of two places, or one id for several "
+            "vehicles. Read each file by itself, or give every vehicle an id of its own"
+        )
+    return recordings, report
 
 
 def _cut(recordings: Recordings, report: ReadReport) -> tuple[Recordings, ReadReport]:
@@ -236,6 +255,12 @@ def _told_by_content(head: Head) -> Format:
     check_is_table(head)
     nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
     tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
+    if head.text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+        raise FormatError(
+            f"{head.name}: json, but no array of rows, as '[{{\"vehicle_id\": 1, ...}}, ...]', and none that rampcast "
+            f"knows otherwise. Get the table as csv (of a portal, the address that ends in .csv).\nTried, the nearest "
+            f"first: {tried}"
+        )
     raise FormatError(
         f"{head.name}: in none of the formats that rampcast knows. If it is a table of your own, `rampcast start` "
         "finds out what is in it, or describe it with --mapping; --format says which it is.\n"
@@ -263,6 +288,8 @@ def check_is_table(head: Head) -> None:
             f"{head.name}: a CommonRoad scenario as protobuf, which is not read. Write it as xml, with commonroad-io: "
             "CommonRoadFileReader(...).open(), then CommonRoadFileWriter(..., file_format=FileFormat.XML)"
         )
+    if head.text.startswith(UTF_16):
+        raise FormatError(f'{head.name}: expected UTF-8, found UTF-16; save it anew, in spreadsheets as "CSV UTF-8"')
     if CONTROL.search(head.text):
         raise FormatError(
             f"{head.name}: in none of the formats that rampcast knows: it is no parquet file, and holds bytes that no "

@@ -43,7 +43,7 @@ from rampcast.paper.laws.laws import LAWS
 from rampcast.paper.laws.mode import Mode
 from rampcast.paper.neighbours.lstm import LstmSpec, NeighbourLstm
 from rampcast.paper.protocol import Evaluation, evaluate, run_counts
-from rampcast.paper.report.report import PAGE, write_report
+from rampcast.paper.report.report import PAGE, fill_report
 from rampcast.paper.shared_time import without_shared_time
 from rampcast.paper.tags import TAGS
 from rampcast.recording import Recording, clean, concatenate, read_recording, write_recording
@@ -329,11 +329,12 @@ def _run_record(
 
 
 def _written(tables: dict[str, pl.DataFrame], run: dict[str, Any], site: Site, out: Path) -> Path:
-    """Writes the tidy tables, the run record and the report; returns the report's path."""
+    """Writes the tidy tables, the run record and the report, all or none; returns the report's path."""
     with write_outputs(out) as new:
         (new / "tables").mkdir()
         for name, table in tables.items():
             table.write_parquet(new / "tables" / f"{name}.parquet")
             table.write_csv(new / "tables" / f"{name}.csv")
         (new / RUN).write_text(json.dumps(run, indent=2), encoding="utf-8")
-    return write_report(tables, site=site, run=run, paper=paper_values(), out=out)
+        fill_report(tables, site=site, run=run, paper=paper_values(), folder=new)
+    return out / PAGE

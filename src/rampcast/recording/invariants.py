@@ -5,12 +5,10 @@ most one `Breach`: the worst place, how many there are, and whether they spoil a
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import polars as pl
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from rampcast.arguments import expected
 from rampcast.horizon import SAME_STEP, STEP
@@ -18,7 +16,8 @@ from rampcast.recording import columns as c
 from rampcast.recording.breach import Breach, refuse
 from rampcast.recording.cutting import FASTEST
 from rampcast.recording.recording import KEY, READ_FIRST, Recording
-from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED_GAP, SHORTEST_STEP
+from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, SHORTEST_STEP
+from rampcast.recording.track_rows import Row, TrackRows
 from rampcast.sites import Site
 
 BESIDE = 500.0  # [m] and half the section before and behind it: the originals of NGSIM go 9 % beyond
@@ -26,9 +25,11 @@ ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
 LENGTHS = (1.0, 30.0)  # [m] a moped is 1.7 m long, the longest road trains in Europe 25.25 m
 CAR_LENGTHS = (2.5, 9.0)  # [m] of the median car; feet taken for metres are 13 and more; the doctor is stricter
 LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two recordings
+BESIDE_LANE = 5.0  # [m] more than a lane's width
 LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
 BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began drives upstream
 RATIO = (0.8, 1.25)  # of recorded to derived speeds; docs/doctor.md
+MOST_FASTEST = 50.0  # [m/s] 180 km/h: on roads without a limit half of the cars drive 40 m/s or less
 MOVING = 3.0  # [m/s] slower vehicles tell nothing of a ratio
 SAME_PLACE = 0.5  # [m] two vehicles cannot be in one lane and so near to each other
 SPEED_OFF = 2.0  # [m/s] of a smoothed speed against its positions: 10 m after 5 s
@@ -39,65 +40,7 @@ SAME_UNIT = 0.05  # by which a ratio of speeds may be off a unit's factor
 RARE, SOME, MANY, HALF = 0.001, 0.01, 0.1, 0.5  # shares of rows, or of vehicles
 UNITS = {"km/h": 3.6, "miles per hour": 1 / 0.44704, "feet per second": 1 / 0.3048}  # of a speed over one in m/s
 
-Row = Float[np.ndarray, "row"]
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """A recording's rows by vehicle and frame."""
-
-    recording: Recording
-    tracks: pl.DataFrame
-
-    @cached_property
-    def same(self) -> Bool[np.ndarray, "row"]:
-        """Returns whether the row before is of the same vehicle."""
-        part, vehicle = self.tracks[c.RECORDING].rle_id().to_numpy(), self.tracks[c.VEHICLE].to_numpy()
-        return np.r_[False, (part[1:] == part[:-1]) & (vehicle[1:] == vehicle[:-1])]
-
-    @cached_property
-    def elapsed(self) -> Row:
-        """Returns the time since the vehicle's row before [s]; NaN at its first, and after long holes."""
-        frame = self.tracks[c.FRAME].to_numpy().astype(float)
-        time = np.diff(frame, prepend=np.nan) * self.recording.time_step
-        return np.where(self.same & (time > 0) & (time <= LONGEST_FILLED_GAP), time, np.nan)
-
-    @cached_property
-    def x(self) -> Row:
-        """Returns the longitudinal positions [m]."""
-        return self.tracks[c.X].to_numpy().astype(float)
-
-    @cached_property
-    def speed(self) -> Row:
-        """Returns the mean speed since the row before [m/s]; NaN where there is none."""
-        return np.diff(self.x, prepend=np.nan) / self.elapsed
-
-    def breach(
-        self, name: str, found: Bool[np.ndarray, "row"], values: Row, of: int, most: float, **words: str
-    ) -> Breach | None:
-        """Returns the breach of the rows found, if there are any; it spoils where their share is above `most`."""
-        rows = np.flatnonzero(found)
-        if not len(rows):
-            return None
-        size = np.abs(np.nan_to_num(values[rows], nan=np.inf))
-        worst = int(rows[size.argmax()])
-        window, vehicle, frame = self.tracks.select(*KEY).row(worst)
-        return Breach(
-            name,
-            words["what"],
-            str(window),
-            vehicle,
-            frame,
-            float(values[worst]),
-            words["expected"],
-            len(rows),
-            of,
-            words["cause"],
-            most,
-        )
-
-
-Check = Callable[[_Rows], Breach | None]
+Check = Callable[[TrackRows], Breach | None]
 
 
 def most_at_once(site: Site) -> int:
@@ -111,7 +54,7 @@ def breaches_of(recording: Recording) -> tuple[Breach, ...]:
         return ()
     sorted_tracks = recording.tracks.sort(KEY, maintain_order=True)
     repeats = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in KEY).fill_null(False)
-    rows = _Rows(recording, sorted_tracks.filter(~repeats))
+    rows = TrackRows(recording, sorted_tracks.filter(~repeats))
     return tuple(_found(rows))
 
 
@@ -133,13 +76,13 @@ def check_believable(recording: Recording, *, doing: str) -> tuple[Breach, ...]:
     return found
 
 
-def _found(rows: _Rows) -> Iterator[Breach]:
+def _found(rows: TrackRows) -> Iterator[Breach]:
     for check in CHECKS:
         if (breach := check(rows)) is not None:
             yield breach
 
 
-def _no_numbers(rows: _Rows) -> Breach | None:
+def _no_numbers(rows: TrackRows) -> Breach | None:
     """Returns positions, speeds and sizes that are no finite numbers."""
     names = [name for name in (c.X, c.Y, c.LENGTH, c.WIDTH, c.V, c.U, c.A, c.E) if name in rows.tracks.columns]
     finite = rows.tracks.select(pl.all_horizontal(pl.col(name).is_finite().fill_null(False) for name in names))
@@ -156,7 +99,7 @@ def _no_numbers(rows: _Rows) -> Breach | None:
     )
 
 
-def _time_step(rows: _Rows) -> Breach | None:
+def _time_step(rows: TrackRows) -> Breach | None:
     step = rows.recording.time_step
     if rows.recording.is_smoothed and abs(step - STEP) > SAME_STEP:
         what, usual = "the time step of a smoothed recording is another", f"{STEP} s"
@@ -167,7 +110,7 @@ def _time_step(rows: _Rows) -> Breach | None:
     return Breach("time_step", what, "", None, None, step, usual, 1, 1, "a wrong unit of the times", 0.0)
 
 
-def _holes(rows: _Rows) -> Breach | None:
+def _holes(rows: TrackRows) -> Breach | None:
     """Returns holes in which nobody is seen for hours."""
     frames = rows.tracks.select(c.RECORDING, c.FRAME).unique().sort(c.RECORDING, c.FRAME)
     hole = frames.with_columns(hole=pl.col(c.FRAME).cast(pl.Int64).diff().over(c.RECORDING) * rows.recording.time_step)
@@ -182,7 +125,7 @@ def _holes(rows: _Rows) -> Breach | None:
     )  # fmt: skip
 
 
-def _places(rows: _Rows) -> Breach | None:
+def _places(rows: TrackRows) -> Breach | None:
     site = rows.recording.site
     beyond = BESIDE + site.length / 2
     found = (rows.x < -beyond) | (rows.x > site.length + beyond)
@@ -191,7 +134,7 @@ def _places(rows: _Rows) -> Breach | None:
     return rows.breach("far_places", found, rows.x, len(found), SOME, **words, cause=cause)
 
 
-def _lateral(rows: _Rows) -> Breach | None:
+def _lateral(rows: TrackRows) -> Breach | None:
     centres = [lane.centre for lane in rows.recording.site.lanes]
     y = rows.tracks[c.Y].to_numpy().astype(float)
     found = (y < min(centres) - ASIDE) | (y > max(centres) + ASIDE)
@@ -207,17 +150,18 @@ def _lateral(rows: _Rows) -> Breach | None:
     )
 
 
-def _speeds(rows: _Rows) -> Breach | None:
-    found = np.abs(rows.speed) > FASTEST
-    words = {"what": "speeds that no vehicle has [m/s]", "expected": f"{FASTEST:g} m/s at most"}
-    share = float(np.mean(found[np.isfinite(rows.speed)])) if np.isfinite(rows.speed).any() else 0.0
-    cause = (
-        "a wrong unit of positions or times" if share > 0.5 else "jumps: ids of two vehicles, or of two places, in one"
-    )
+def _speeds(rows: TrackRows) -> Breach | None:
+    size = np.abs(rows.speed[np.isfinite(rows.speed)])
+    middle = float(np.median(size)) if len(size) >= FEW else 0.0
+    fastest, who = (MOST_FASTEST, "traffic") if FASTEST >= middle > MOST_FASTEST else (FASTEST, "vehicle")
+    found = np.abs(rows.speed) > fastest
+    words = {"what": f"speeds that no {who} has [m/s]", "expected": f"{fastest:g} m/s at most"}
+    is_unit = len(size) > 0 and np.median(size) > MOST_FASTEST
+    cause = "a wrong unit of positions or times" if is_unit else "jumps: ids of two vehicles, or of two places, in one"
     return rows.breach("impossible_speeds", found, rows.speed, len(found), SOME, **words, cause=cause)
 
 
-def _jumps(rows: _Rows) -> Breach | None:
+def _jumps(rows: TrackRows) -> Breach | None:
     """Returns rows that lie far from where the steps before and after say that the vehicle was going."""
     before = np.r_[np.nan, rows.speed[:-1]]
     before[1:][~rows.same[:-1]] = np.nan
@@ -233,19 +177,18 @@ def _jumps(rows: _Rows) -> Breach | None:
     return rows.breach("jumps", found, values, len(found), RARE, **words, cause=cause)
 
 
-def _accelerations(rows: _Rows) -> Breach | None:
+def _accelerations(rows: TrackRows) -> Breach | None:
     if not rows.recording.is_smoothed:
         return None
     a = rows.tracks[c.A].to_numpy()
     with np.errstate(invalid="ignore"):
         found = np.abs(a) > IMPOSSIBLE_ACCELERATION
     words = {"what": "accelerations beyond grip [m/s²]", "expected": f"{IMPOSSIBLE_ACCELERATION:g} m/s² at most"}
-    return rows.breach(
-        "accelerations", found, a, len(found), SOME, **words, cause="jumps, or accelerations that were not smoothed"
-    )
+    cause = "jumps, or accelerations that were not smoothed"
+    return rows.breach("accelerations", found, a, len(found), SOME, **words, cause=cause)
 
 
-def _smoothed_speeds(rows: _Rows) -> Breach | None:
+def _smoothed_speeds(rows: TrackRows) -> Breach | None:
     """Returns smoothed speeds that are not those of the smoothed positions."""
     if not rows.recording.is_smoothed:
         return None
@@ -263,7 +206,7 @@ def _smoothed_speeds(rows: _Rows) -> Breach | None:
     )
 
 
-def _recorded_speeds(rows: _Rows) -> Breach | None:
+def _recorded_speeds(rows: TrackRows) -> Breach | None:
     """Returns recorded speeds that are, on the whole, not those of the positions."""
     if c.RECORDED_V not in rows.tracks.columns:
         return None
@@ -285,7 +228,7 @@ def _recorded_speeds(rows: _Rows) -> Breach | None:
     )  # fmt: skip
 
 
-def _two_units(rows: _Rows, moving: Bool[np.ndarray, "row"], ratio: Row) -> Breach | None:
+def _two_units(rows: TrackRows, moving: Bool[np.ndarray, "row"], ratio: Row) -> Breach | None:
     """Returns the vehicles whose speeds are as if their positions, or speeds, were in another unit than others'."""
     starts = np.flatnonzero(~rows.same)
     track = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(ratio)]))
@@ -303,7 +246,7 @@ def _two_units(rows: _Rows, moving: Bool[np.ndarray, "row"], ratio: Row) -> Brea
     return rows.breach("two_units", is_found.astype(bool), shown, middle.height, MANY, **words, cause=cause)
 
 
-def _directions(rows: _Rows) -> Breach | None:
+def _directions(rows: TrackRows) -> Breach | None:
     starts = np.flatnonzero(~rows.same)
     ends = np.r_[starts[1:], len(rows.x)] - 1
     came = rows.x[ends] - rows.x[starts]
@@ -317,7 +260,7 @@ def _directions(rows: _Rows) -> Breach | None:
 
 
 def _lane_upstream(
-    rows: _Rows, starts: Int[np.ndarray, "track"], found: Bool[np.ndarray, "row"], values: Row
+    rows: TrackRows, starts: Int[np.ndarray, "track"], found: Bool[np.ndarray, "row"], values: Row
 ) -> Breach | None:
     """Returns the vehicles of a lane that most of its vehicles drive upstream, where they are few of all."""
     lane = rows.tracks[c.LANE].to_numpy()
@@ -332,7 +275,7 @@ def _lane_upstream(
     return None
 
 
-def _lengths(rows: _Rows) -> Breach | None:
+def _lengths(rows: TrackRows) -> Breach | None:
     length = rows.tracks[c.LENGTH].to_numpy().astype(float)
     found = (length < LENGTHS[0]) | (length > LENGTHS[1])
     words = {"what": "lengths that no vehicle has [m]", "expected": f"{LENGTHS[0]:g} to {LENGTHS[1]:g} m"}
@@ -350,7 +293,7 @@ def _lengths(rows: _Rows) -> Breach | None:
     )  # fmt: skip
 
 
-def _lanes(rows: _Rows) -> Breach | None:
+def _lanes(rows: TrackRows) -> Breach | None:
     """Returns a site's lanes that lie too close to each other, or too far apart."""
     centres = np.unique([lane.centre for lane in rows.recording.site.lanes if lane.role == "main"])
     steps = np.diff(centres)
@@ -364,7 +307,22 @@ def _lanes(rows: _Rows) -> Breach | None:
     )  # fmt: skip
 
 
-def _one_place(rows: _Rows) -> Breach | None:
+def _beside_lanes(rows: TrackRows) -> Breach | None:
+    """Returns rows that lie far from the middle of the lane that they are in, if most do."""
+    centres = {lane.number: lane.centre for lane in rows.recording.site.lanes if lane.role == "main"}
+    centre = rows.tracks[c.LANE].replace_strict(centres, default=None, return_dtype=pl.Float64)
+    off = (rows.tracks[c.Y] - centre).abs().drop_nulls().to_numpy()
+    middle = float(np.median(off)) if len(off) >= FEW else 0.0
+    if not middle > BESIDE_LANE:
+        return None
+    return Breach(
+        "beside_lanes", "how far vehicles are from the middle of their lane [m]", "", None, None, middle,
+        f"{BESIDE_LANE:g} m at most of half of the rows", int((off > BESIDE_LANE).sum()), len(off),
+        "positions in another unit than the site's, another zero of y, or the wrong site", HALF,
+    )  # fmt: skip
+
+
+def _one_place(rows: TrackRows) -> Breach | None:
     """Returns vehicles that are where another one is, in the same lane at the same moment."""
     places = rows.tracks.select(c.RECORDING, c.FRAME, c.LANE, c.X, c.Y, row=pl.int_range(pl.len()))
     places = places.sort(c.RECORDING, c.FRAME, c.LANE, c.X)
@@ -378,7 +336,7 @@ def _one_place(rows: _Rows) -> Breach | None:
     return rows.breach("one_place", is_found, rows.x, len(rows.x), MANY, **words, cause=cause)
 
 
-def _crowds(rows: _Rows) -> Breach | None:
+def _crowds(rows: TrackRows) -> Breach | None:
     """Returns moments with more vehicles than fit on the road: a forecast of half a million would take for ever."""
     most = most_at_once(rows.recording.site)
     counts = rows.tracks.group_by(c.RECORDING, c.FRAME).len().sort("len", c.FRAME, descending=True)
@@ -394,5 +352,5 @@ def _crowds(rows: _Rows) -> Breach | None:
 
 CHECKS: tuple[Check, ...] = (
     _no_numbers, _time_step, _holes, _places, _lateral, _speeds, _jumps, _accelerations, _smoothed_speeds,
-    _recorded_speeds, _directions, _lengths, _lanes, _one_place, _crowds,
+    _recorded_speeds, _directions, _lengths, _lanes, _beside_lanes, _one_place, _crowds,
 )  # fmt: skip

@@ -10,6 +10,7 @@ from rampcast.sites.site import LANE_WIDTH
 AROUND = 0.5  # [s] before and after a moment between which its course is taken: a lane change takes 3 s and more
 MOVED = 2.0  # [m] in that time at which a course is known: noise of a decimetre turns it by several degrees only
 STEEPEST = 0.5  # of the way that must lead along the road: a ramp joins at less than 60 degrees
+ASLANT = 0.14  # of the way, from beside the road over all its lanes: who weaves through goes at less than 8 degrees
 STRETCHED = 2.0  # times the way that may lead along it: beyond, the foot of the perpendicular jumps
 CROSSED = 1.5 * LANE_WIDTH  # [m] aside that no change of lane is, even one that a simulator makes in a step
 BACKWARDS = 20.0  # [m] upstream between first and last row; a driver who reverses on a ramp goes less
@@ -20,7 +21,9 @@ Row = Float[np.ndarray, "row"]
 Course = Int[np.ndarray, "row"]
 
 
-def courses(rows: pl.DataFrame, place: tuple[Row, Row], x: Row, y: Row, *, time_step: float) -> Course:
+def courses(
+    rows: pl.DataFrame, place: tuple[Row, Row], x: Row, y: Row, *, time_step: float, edges: tuple[float, float]
+) -> Course:
     """Returns of each row whether its vehicle drives along the road, back along it, or aside: across it, or beyond it.
 
     Args:
@@ -29,6 +32,7 @@ def courses(rows: pl.DataFrame, place: tuple[Row, Row], x: Row, y: Row, *, time_
         x: positions along the road [m].
         y: to the left of its line [m].
         time_step: time between two frames [s].
+        edges: centres of the lanes furthest to the right and to the left [m].
     """
     if rows.is_empty():
         return np.zeros(0, np.int64)
@@ -39,12 +43,13 @@ def courses(rows: pl.DataFrame, place: tuple[Row, Row], x: Row, y: Row, *, time_
     points = np.stack([*place, x, y])[:, order]
     at, around = np.arange(len(order)), max(round(AROUND / time_step), 1)
     behind, ahead = np.maximum(at - around, first), np.minimum(at + around, last)
-    dx, moved = _way(points, behind, ahead)
-    chord_dx, chord = _way(points, first, last)
+    dx, dy, moved = _way(points, behind, ahead)
+    chord_dx, _, chord = _way(points, first, last)
     is_known = moved >= MOVED
     course = _course(np.where(is_known, dx, chord_dx), np.where(is_known, moved, chord))
     course[~is_known & (chord < MOVED)] = ALONG  # who stands may stand in a queue
     course = _only_crossings(course, points[3], starts)
+    course[_passes(is_known & (np.abs(dy) > ASLANT * moved), points[3], starts, edges)] = ASIDE
     back = np.empty(len(order), np.int64)
     back[order] = course
     return back
@@ -70,10 +75,10 @@ def upstream(rows: pl.DataFrame, x: Row) -> Bool[np.ndarray, "row"]:
     return found
 
 
-def _way(points: Float[np.ndarray, "4 row"], behind: Course, ahead: Course) -> tuple[Row, Row]:
-    """Returns how far vehicles come along the road, and in the plane [m]."""
-    px, py, x, _ = points[:, ahead] - points[:, behind]
-    return x, np.hypot(px, py)
+def _way(points: Float[np.ndarray, "4 row"], behind: Course, ahead: Course) -> tuple[Row, Row, Row]:
+    """Returns how far vehicles come along the road, to its left, and in the plane [m]."""
+    px, py, x, y = points[:, ahead] - points[:, behind]
+    return x, y, np.hypot(px, py)
 
 
 def _course(dx: Row, moved: Row) -> Course:
@@ -81,11 +86,26 @@ def _course(dx: Row, moved: Row) -> Course:
     return np.where(is_straight, np.where(dx > 0, ALONG, BACK), ASIDE)
 
 
+def _runs(values: Course | Bool[np.ndarray, "row"], starts: Int[np.ndarray, "track"]) -> Int[np.ndarray, "run"]:
+    """Returns where runs of alike values of one vehicle begin."""
+    begins = np.r_[True, values[1:] != values[:-1]]
+    begins[starts] = True
+    return np.flatnonzero(begins)
+
+
+def _passes(
+    is_aslant: Bool[np.ndarray, "row"], y: Row, starts: Int[np.ndarray, "track"], edges: tuple[float, float]
+) -> Bool[np.ndarray, "row"]:
+    """Returns whether a row is of a way aslant from beside the road to its other side, over or under it."""
+    runs = _runs(is_aslant, starts)
+    is_left = np.maximum.reduceat(y, runs) > edges[1] + CROSSED
+    is_right = np.minimum.reduceat(y, runs) < edges[0] - CROSSED
+    return np.repeat(is_aslant[runs] & is_left & is_right, np.diff(np.r_[runs, len(y)]))
+
+
 def _only_crossings(course: Course, y: Row, starts: Int[np.ndarray, "track"]) -> Course:
     """Returns the courses but for short ones aside: a simulator changes lanes in a step, a tracker trembles."""
-    begins = np.r_[True, course[1:] != course[:-1]]
-    begins[starts] = True
-    runs = np.flatnonzero(begins)
+    runs = _runs(course, starts)
     aside = np.maximum.reduceat(y, runs) - np.minimum.reduceat(y, runs)
     keeps = (course[runs] != ASIDE) | (aside > CROSSED)
     return np.where(np.repeat(keeps, np.diff(np.r_[runs, len(course)])), course, ALONG)

@@ -109,7 +109,9 @@ def on_road(plane: Plane, site: Site, *, beside: float) -> tuple[Recording, Read
     y = -y if site.mirrored else y
     lane, is_here = _lanes(rows[c.LANE], y, site.lanes, beside=beside)
     is_here &= (x >= -BEYOND) & (x <= site.length + BEYOND)
-    is_here &= _keeps_course(plane, rows, (px, py), (x, y), lane, is_draft=math.isinf(beside))
+    centres = [one.centre for one in site.lanes]
+    edges = (min(centres), max(centres))
+    is_here &= _keeps_course(plane, rows, (px, py), (x, y), lane, edges, is_draft=math.isinf(beside))
     optional = [name for name in c.OPTIONAL_SCHEMA if rows[name].null_count() < rows.height]
     rows = rows.with_columns(pl.Series(c.X, x), pl.Series(c.Y, y), pl.Series(c.LANE, lane, dtype=pl.Int16))
     rows = rows.select(*c.SCHEMA, *optional)
@@ -127,6 +129,7 @@ def _keeps_course(
     place: tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]],
     along: tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]],
     lane: Int[np.ndarray, "row"],
+    edges: tuple[float, float],
     *,
     is_draft: bool,
 ) -> Bool[np.ndarray, "row"]:
@@ -138,7 +141,7 @@ def _keeps_course(
     is_named = rows[c.LANE].is_not_null().to_numpy()
     if is_named.all():
         return np.ones(rows.height, bool) if is_draft else ~upstream(rows, along[0])
-    course = courses(rows, place, *along, time_step=plane.time_step)
+    course = courses(rows, place, *along, time_step=plane.time_step, edges=edges)
     keeps = is_named | (course != ASIDE)
     return keeps & ((course == ALONG) | is_named | (lane != NO_LANE)) if is_draft else keeps & ~upstream(rows, along[0])
 

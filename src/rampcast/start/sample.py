@@ -8,7 +8,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head
 from rampcast.formats.files.sources import open_source
-from rampcast.formats.tables.thousands import has_decimal_commas
+from rampcast.formats.tables.thousands import GROUPED, has_decimal_commas
 
 BYTES = 24 << 20  # of a csv that are looked at: some 300,000 rows
 ROWS = 300_000
@@ -49,14 +49,14 @@ def sample_of_head(head: Head) -> Sample:
     with open_source(head.path) as (_, stream):
         text = stream.read(BYTES)
     text = text[: text.rfind(b"\n") + 1] or text
+    rows = b"".join(text.split(b"\n", head.header.lines)[head.header.lines :])
+    if not rows.strip():
+        raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
     comma = has_decimal_commas(head)
     table = pl.read_csv(
-        io.BytesIO(text), separator=head.header.separator, skip_lines=head.header.lines, has_header=False,
-        new_columns=[*head.header.names], infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
-        raise_if_empty=False,
+        io.BytesIO(rows), separator=head.header.separator, has_header=False, new_columns=[*head.header.names],
+        infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
     )  # fmt: skip
-    if not table.height:
-        raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
     return Sample(head.name, table.select(_typed(column, comma) for column in table), head.header.separator, comma)
 
 
@@ -65,5 +65,6 @@ def _typed(column: pl.Series, decimal_comma: bool) -> pl.Series:
     text = column.str.strip_chars(' "')
     text = text.str.replace(",", ".", literal=True) if decimal_comma else text
     empty = text.is_null() | text.str.to_lowercase().is_in(["", "nan", "na", "null", "none"])
-    numbers = text.cast(pl.Float64, strict=False)
+    is_grouped = text.str.contains(GROUPED).fill_null(False)
+    numbers = text.str.replace_all(",", "", literal=True).zip_with(is_grouped, text).cast(pl.Float64, strict=False)
     return numbers if (numbers.is_null() & ~empty).mean() < 0.01 and not empty.all() else text  # type: ignore[operator]

@@ -69,13 +69,8 @@ FAULTS = {
     "an impossible speed aside": ("10.0,1.0", "10.0,-999", "line 2, column 8: vy: expected -150 to 150, found '-999'"),
     "a negative length": ("0.0,4.0", "0.0,-4.0", "line 2, column 10: length: expected 0 to 100, found '-4.0'"),
     "a width in centimetres": ("10.0,2.5", "10.0,250", "line 4, column 11: width: expected 0 to 20, found '250'"),
-    "a word for an id": ("\n2,1,", "\ntruck,1,", "line 4, column 1: track_id: expected a number, found 'truck'"),
-    "a pedestrian's id": ("\n2,1,", "\nP2,1,", "line 4, column 1: track_id: expected a number, found 'P2'"),
-    "a fraction of an id": ("\n2,1,", "\n2.5,1,", "line 4, column 1: track_id: expected a whole number, found '2.5'"),
-    "a negative id": ("\n2,1,", "\n-2,1,", "line 4, column 1: track_id: expected 0 to 2,147,483,647, found '-2'"),
     "a negative time": ("2,1,100", "2,1,-100", "line 4, column 3: timestamp_ms: expected 0 to 10,000,000,000,000"),
     "a clock time": ("2,1,100", "2,1,12:00", "line 4, column 3: timestamp_ms: expected a number, found '12:00'"),
-    "no type": ("100,truck", "100,", "line 4, column 4: agent_type: expected text, the cell is empty"),
     "an unknown type": ("100,truck", "100,tram", "there is an agent_type 'tram'; expected one of car, van, truck"),
     "a row cut off": (
         "2.498092,10.0,2.5\n2",

@@ -43,7 +43,7 @@ BAD_ROWS = {
     ),
     "a comma-grouped number without quotes": (
         line_changed(CSV, b"103.000", b"1,003.5", 5),
-        "line 5: expected 18 columns, found 19; a number with an unquoted thousands separator adds one",
+        "line 5: expected 18 columns, found 19: a separator too many, maybe in a number that is not in quotes",
     ),
     "one comma-grouped number among plain ones": (
         csv([row(1, f, Local_Y="1,003.5" if f == 3 else f"100{f}.5") for f in range(6)]),

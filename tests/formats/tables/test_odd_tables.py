@@ -14,8 +14,8 @@ from rampcast.recording.reading import BadRows
 
 PLACE = Column("place", ("place",), pl.String(), optional=True, may_be_blank=True, only="here")
 COLUMNS = (
-    Column("id", ("id",), pl.Int32(), may_be_grouped=True),
-    Column("x", ("x",), may_be_grouped=True),
+    Column("id", ("id",), pl.Int32()),
+    Column("x", ("x",)),
     Column("lane", ("lane",), pl.Int16(), among=(1, 3), unknown="lane {} is unknown"),
     PLACE,
 )

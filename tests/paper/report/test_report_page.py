@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from rampcast.paper.report import report
-from rampcast.paper.report.report import write_report
+from rampcast.paper.report.report import fill_report
 from rampcast.sites import Site, load_site
 from tests.plots import tidy_tables
 
@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, simulated_site: Site) -> Pa
     (out / "run.json").write_text("{}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report, "PNG_DPI", 30)  # nobody looks at them here
-        write_report(tidy_tables.tables(), site=simulated_site, run=tidy_tables.run(), paper=PAPER, out=out)
+        fill_report(tidy_tables.tables(), site=simulated_site, run=tidy_tables.run(), paper=PAPER, folder=out)
     return out
 
 
@@ -157,7 +157,7 @@ def test_missing_tables_modes_and_numbers_are_named_and_the_rest_is_drawn(tmp_pa
     )
     few = few.with_columns(n=pl.lit(4), mean_error=pl.lit(None, pl.Float64))
     scene = tables["examples"].filter(pl.col("mode") == "corrected", pl.col("example") == "good_2")
-    path = write_report({"longitudinal": few, "examples": scene}, site=load_site("us101"), run={}, out=tmp_path)
+    path = fill_report({"longitudinal": few, "examples": scene}, site=load_site("us101"), run={}, folder=tmp_path)
     page = path.read_text(encoding="utf-8")
     assert "There is no table “importance”" in page
     assert "Not drawn: (a) the table &#39;examples&#39; has no such rows for corrected mode." in page
@@ -171,6 +171,7 @@ def test_missing_tables_modes_and_numbers_are_named_and_the_rest_is_drawn(tmp_pa
 def test_the_same_tables_give_the_same_page(tmp_path: Path) -> None:
     pages = []
     for name in ("one", "two"):
-        path = write_report({"outcomes": tidy_tables.outcomes()}, site=load_site("i80"), run={}, out=tmp_path / name)
+        (tmp_path / name).mkdir()
+        path = fill_report({"outcomes": tidy_tables.outcomes()}, site=load_site("i80"), run={}, folder=tmp_path / name)
         pages.append(path.read_bytes())
     assert pages[0] == pages[1]

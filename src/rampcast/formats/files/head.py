@@ -18,7 +18,7 @@ SIZE = 64 << 10  # [bytes] enough for any header
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # some programs write it before the first letter
 PARQUET_MAGIC = b"PAR1"
 NO_TABLES = ("<", "{", "[")  # with which xml and json begin
-SEPARATORS = (",", ";", "\t")
+SEPARATORS = (",", ";", "\t", "|")
 EXPECTED = "expected the path of a file, a polars or pandas frame, or a list of them"
 
 

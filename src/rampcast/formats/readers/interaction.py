@@ -17,7 +17,7 @@ from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.places import different_names, one_place
-from rampcast.formats.steps.vehicles import KINDS, front_centre, with_sizes, without_vehicles
+from rampcast.formats.steps.vehicles import KINDS, front_centre, whole_ids, with_sizes, without_vehicles
 from rampcast.formats.tables.columns import SHOWN, Column, Rows
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
@@ -33,9 +33,9 @@ NUMBER = re.compile(r"\d+$")  # of vehicle_tracks_000
 NOT_VEHICLES = ("pedestrian", "bicycle", "pedestrian/bicycle", "person", "cyclist")
 
 COLUMNS = (
-    believed.number("id", "track_id"),
+    Column("id", ("track_id",), pl.Categorical()),
     Column("time", ("timestamp_ms",), pl.Int64(), 0, 1e13),  # or since 1970
-    Column("type", ("agent_type",), pl.Categorical(), optional=True),  # some files lack it: all are cars
+    Column("type", ("agent_type",), pl.Categorical(), optional=True, may_be_blank=True),  # blank: a car
     believed.place("x", "x", farthest=believed.FARTHEST_UTM),
     believed.place("y", "y", farthest=believed.FARTHEST_UTM),
     believed.speed("vx", "vx"),
@@ -78,6 +78,8 @@ def _place(paths: Sequence[Path]) -> str:
 def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, ReadReport]:
     """Returns the rows of a file in its plane, its time step [s], and what reading found."""
     rows, others = _vehicles(read_rows(head, COLUMNS, bad_rows=bad_rows))
+    ids, renumbered = whole_ids(rows.table["id"])
+    rows = replace(rows, table=rows.table.with_columns(ids.alias("id")))
     reason = "its heading psi_rad is missing. Mend the file"
     rows = without_vehicles(rows, rows.table["psi"].is_null(), reason, bad_rows)
     frames, time_step, slips = whole_frames(rows.file, rows.table["time"] / 1000)
@@ -85,7 +87,14 @@ def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, Read
     report = rows.report("INTERACTION tracks" + (" with cases" if "case" in table.columns else ""))
     found = NUMBER.search(head.path.stem)
     read = report.rows_read + others
-    report = replace(report, rows_read=read, rows_not_vehicles=others, clock_slips=slips, sizes_filled=filled)
+    report = replace(
+        report,
+        rows_read=read,
+        rows_not_vehicles=others,
+        vehicles_renumbered=renumbered,
+        clock_slips=slips,
+        sizes_filled=filled,
+    )
     return _in_plane(table, found.group() if found else head.path.stem), time_step, report
 
 
@@ -93,19 +102,21 @@ def _vehicles(rows: Rows) -> tuple[Rows, int]:
     """Returns the rows of vehicles, with their kind, and how many were of pedestrians and cyclists."""
     if "type" not in rows.table.columns:
         return replace(rows, table=rows.table.with_columns(pl.lit("car", PLANE_SCHEMA[c.KIND]).alias(c.KIND))), 0
-    types = rows.table["type"].unique()
-    unknown = sorted(set(types.cast(pl.String)) - {*KINDS, *NOT_VEHICLES})
-    if unknown:
+    types = rows.table["type"].unique().drop_nulls()
+    words = types.cast(pl.String)
+    unknown = words.filter(~words.str.to_lowercase().is_in([*KINDS, *NOT_VEHICLES])).sort()
+    if unknown.len():
         raise FormatError(
             f"{rows.file}: there is an agent_type '{unknown[0][:SHOWN]}'; expected one of "
             f"{', '.join((*KINDS, *NOT_VEHICLES))}"
         )
-    kinds = pl.Series(list(KINDS.values()), dtype=PLANE_SCHEMA[c.KIND])
-    kind = translated(rows.table["type"], pl.Series(list(KINDS), dtype=pl.Categorical()), kinds)
-    table = rows.table.with_columns(kind.alias(c.KIND))
+    kinds = words.str.to_lowercase().replace_strict(KINDS, default=None, return_dtype=PLANE_SCHEMA[c.KIND])
+    kind = translated(rows.table["type"], types, kinds).alias(c.KIND)
+    car = pl.lit("car", PLANE_SCHEMA[c.KIND])
+    table = rows.table.with_columns(pl.when(pl.col("type").is_null()).then(car).otherwise(kind).alias(c.KIND))
     vehicles = table.drop_nulls(c.KIND) if table[c.KIND].has_nulls() else table
     if vehicles.is_empty():
-        raise FormatError(f"{rows.file}: it holds no vehicles, only {', '.join(sorted(types.cast(pl.String)))}")
+        raise FormatError(f"{rows.file}: it holds no vehicles, only {', '.join(words.sort())}")
     return replace(rows, table=vehicles), table.height - vehicles.height
 
 

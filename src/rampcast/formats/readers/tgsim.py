@@ -16,6 +16,7 @@ from rampcast.formats.steps.motion import with_fronts
 from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
+from rampcast.formats.tables.thousands import whole_name
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.translation import as_words
@@ -79,7 +80,7 @@ def _completed(table: pl.DataFrame, *, run: str) -> pl.DataFrame:
     }
     table = table.with_columns(**absent)
     kinds = {name: _kind(name) for name in table["type"].unique().drop_nulls()}
-    runs = {name: _code(name) for name in table["run"].unique()}
+    runs = {name: whole_name(name) for name in table["run"].unique()}
     return table.with_columns(
         pl.col("type").replace_strict(kinds, default="car", return_dtype=PLANE_SCHEMA[c.KIND]).alias(c.KIND),
         pl.col("run").replace_strict(runs, return_dtype=PLANE_SCHEMA[c.RECORDING]),
@@ -87,12 +88,7 @@ def _completed(table: pl.DataFrame, *, run: str) -> pl.DataFrame:
 
 
 def _kind(name: str) -> str:
-    return KINDS.get(_code(name).lower().replace("_", "-").removesuffix("-vehicle"), "car")
-
-
-def _code(name: str) -> str:
-    """Returns a name without the ".0" that some programs write behind whole numbers."""
-    return name.strip().removesuffix(".0")
+    return KINDS.get(whole_name(name).lower().replace("_", "-").removesuffix("-vehicle"), "car")
 
 
 def _in_plane(rows: pl.DataFrame) -> pl.DataFrame:

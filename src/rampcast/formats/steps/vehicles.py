@@ -25,8 +25,9 @@ def whole_ids(names: pl.Series) -> tuple[pl.Series, int]:
     names = names.cast(pl.Categorical())
     unique = names.unique().drop_nulls()
     unique = unique.gather(unique.cast(pl.String).arg_sort())
-    numbers = unique.cast(pl.String).cast(pl.Int64, strict=False)
+    numbers = unique.cast(pl.String).cast(pl.Float64, strict=False)  # some programs write 2.0 for a whole number
     is_whole = numbers.null_count() == 0 and numbers.is_unique().all() and numbers.is_between(0, c.LARGEST).all()
+    is_whole = is_whole and bool((numbers == numbers.round()).all())
     ids = numbers if is_whole else pl.Series(range(1, unique.len() + 1))
     return translated(names, unique, ids.cast(pl.Int32)), 0 if is_whole else unique.len()
 

@@ -33,7 +33,6 @@ class Column:
         is_key: whether a row in which this cell is empty says nothing and is left out, whatever its other cells are.
         of_others: what a row is of whose key is empty and this cell is not, as "person"; such rows are counted and left
             out, and so is the column.
-        may_be_grouped: whether numbers may have thousands separators, as "1,234.5" in quotes.
         among: the only numbers believed; () where all in the range are.
         unknown: what a message says of any other; {} stands for it.
         only: the text, in small letters, of rows that are wanted; those with another one are counted and left out, and
@@ -49,7 +48,6 @@ class Column:
     may_be_blank: bool = False
     is_key: bool = False
     of_others: str = ""
-    may_be_grouped: bool = False
     among: tuple[int, ...] = ()
     unknown: str = ""
     only: str | None = None
@@ -167,7 +165,7 @@ class Layout:
     @cached_property
     def groupable(self) -> list[str]:
         """Returns our names of the columns that may have thousands separators: in quotes, so only of a csv."""
-        return [column.name for column in self.kept if column.may_be_grouped and self.separator != b" "]
+        return [column.name for column in self.kept if not column.is_text and self.separator != b" "]
 
     @cached_property
     def others(self) -> list[tuple[int, Column]]:
@@ -271,10 +269,9 @@ def read_cell(cell: str, column: Column, is_grouped: bool = False) -> tuple[floa
         return None, "" if column.may_be_blank else f"expected {wanted}, the cell is empty"
     if column.is_text:
         return cell, ""
-    if column.may_be_grouped:
-        cell, reason = without_separators(cell, is_grouped)
-        if reason:
-            return None, reason
+    cell, reason = without_separators(cell, is_grouped)
+    if reason:
+        return None, reason
     try:
         value = float(cell) if "_" not in cell else math.nan
     except ValueError:

@@ -20,6 +20,8 @@ LINE, GOOD = "number of the line", "is good"  # names of columns of our own besi
 STAND_IN = b"\x1f"  # for a separator in quotes: a letter that no text has
 NUL = "a NUL byte: this part of the file was not written; get the file again"
 
+MORE, FEWER = ": a separator too many, maybe in a number that is not in quotes", ": the row is cut off"
+
 Cells = dict[str, float | int | str | None]  # the values of a row by our names
 Fault = tuple[int, str]  # the column (from 1, 0 the whole row) and what is wrong with it
 
@@ -176,7 +178,7 @@ def _read_cells(cells: list[str], layout: Layout, styles: Mapping[str, bool]) ->
     """Returns the values of a row, or its first fault."""
     expected = len(layout.header.names)
     if len(cells) != expected:
-        return {}, (0, f"expected {expected} columns, found {len(cells)}{_why(len(cells) - expected, layout)}")
+        return {}, (0, f"expected {expected} columns, found {len(cells)}{MORE if len(cells) > expected else FEWER}")
     row: Cells = {}
     for index, column in layout.wanted:
         if column.only is None and not column.of_others:
@@ -184,9 +186,3 @@ def _read_cells(cells: list[str], layout: Layout, styles: Mapping[str, bool]) ->
             if reason:
                 return {}, (index + 1, f"{layout.header.names[index]}: {reason}")
     return row, None
-
-
-def _why(more: int, layout: Layout) -> str:
-    if more < 0:
-        return ": the row is cut off"
-    return "; a number with an unquoted thousands separator adds one" if layout.groupable else ": a separator too many"

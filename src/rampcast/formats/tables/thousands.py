@@ -7,12 +7,13 @@ import polars as pl
 
 from rampcast.formats.files.head import Head
 
+LARGEST_NAME = 2.0**53  # beyond it floats are not all whole numbers
 LEAST = 1000.0  # from which on a number has a separator
-GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d+)?$"
+GROUPED = r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?$"
 UNGROUPED = r"^[+-]?\d{4}"  # how a large number without one begins
 
 DECIMAL_COMMA = re.compile(rb"(?:^|[;\t\n])\"?[+-]?\d+,\d+(?:[eE][+-]?\d+)?\"?(?=[;\t\r\n])")
-THOUSANDS = re.compile(rb"^[;\t\n]?\"?[+-]?\d{1,3},\d{3}\"?$")  # may be either
+THOUSANDS = re.compile(rb"^[;\t\n]?\"?[+-]?[1-9]\d{0,2},\d{3}\"?$")  # may be either
 
 
 def has_decimal_commas(head: Head) -> bool:
@@ -33,11 +34,22 @@ def without_separators(cell: str, is_grouped: bool) -> tuple[str, str]:
         is_grouped: whether the large numbers of its column have some.
     """
     shown = f"'{cell[:40]}'"
-    if "," in cell and not (is_grouped and re.match(GROUPED, cell)):
+    if "," in cell and not re.match(GROUPED, cell):
+        return cell, f"expected a number, found {shown}; write decimals with a point and thousands without a comma"
+    if "," in cell and not is_grouped:
         return cell, f"expected a number, found {shown} with a thousands separator; write it without the comma"
     if is_grouped and re.match(UNGROUPED, cell):
         return cell, f"found {shown} without a thousands separator where the rows around it have one"
     return cell.replace(",", ""), ""
+
+
+def whole_name(name: str) -> str:
+    """Returns a name; that of a whole number as this is written without decimals, exponent and separators."""
+    number = name.strip().replace(",", "") if re.match(GROUPED, name.strip()) else name.strip()
+    if not re.fullmatch(r"\+?\d+(\.\d*)?([eE][+-]?\d+)?", number) or number.isdigit():
+        return number
+    value = float(number)
+    return f"{value:.0f}" if value == round(value, 0) and value < LARGEST_NAME else number
 
 
 def number_in(cell: pl.Expr, is_grouped: bool) -> pl.Expr:

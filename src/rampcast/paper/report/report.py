@@ -13,7 +13,6 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rampcast.files import write_outputs
 from rampcast.paper.report import figures
 from rampcast.paper.report.claims import claims_table
 from rampcast.paper.report.errata import ERRATA
@@ -44,23 +43,23 @@ NOT_RECORDED = "not recorded"
 PAGE = "report.html"
 
 
-def write_report(
+def fill_report(
     tables: Mapping[str, pl.DataFrame],
     *,
     site: Site,
     run: Mapping[str, Any],
-    out: Path,
+    folder: Path,
     paper: Mapping[str, Any] | None = None,
 ) -> Path:
     """Writes report.html, figures/*.svg, figures/*.png and tables/*.csv into a folder; returns the page's path.
 
-    Other files in the folder stay as they are; all are written or none.
+    Whoever calls it puts the folder in its place as a whole.
 
     Args:
         tables: the tidy tables by name. Those that are missing are named on the page.
         site: the geometry.
         run: the run record; shown are date, seed, data_hash, versions, trained_on, tested_on, counts and all the rest.
-        out: the folder.
+        folder: is there.
         paper: printed values: `paper["parameters"][law][parameter]` has "mean", "median", "standard_deviation"; those
             of the law "gipps" are taken for printed by Gipps (1981).
 
@@ -68,17 +67,16 @@ def write_report(
         RampcastError: a table lacks a column that is drawn.
     """
     known = {name: table for name, table in tables.items() if name in TABLE_NAMES and table.height}
-    with write_outputs(Path(out)) as new:
-        for part in ("figures", "tables"):
-            (new / part).mkdir()
-        drawn = {entry.number: (entry, list(_write_figure(entry, new))) for entry in _entries(known, site)}
-        listed = {table.number: table for table in _all_tables(known, paper or {})}
-        for table in listed.values():
-            if not table.missing:
-                table.data.write_csv(new / "tables" / f"table-{table.number}.csv")
-        text = _page(site=site, run=run, figures=drawn, tables=listed, known=known)
-        (new / PAGE).write_text(text, encoding="utf-8")
-    return Path(out) / PAGE
+    for part in ("figures", "tables"):
+        (folder / part).mkdir(exist_ok=True)
+    drawn = {entry.number: (entry, list(_write_figure(entry, folder))) for entry in _entries(known, site)}
+    listed = {table.number: table for table in _all_tables(known, paper or {})}
+    for table in listed.values():
+        if not table.missing:
+            table.data.write_csv(folder / "tables" / f"table-{table.number}.csv")
+    text = _page(site=site, run=run, figures=drawn, tables=listed, known=known)
+    (folder / PAGE).write_text(text, encoding="utf-8")
+    return folder / PAGE
 
 
 def _entries(tables: Mapping[str, pl.DataFrame], site: Site) -> Iterator[FigureEntry]:

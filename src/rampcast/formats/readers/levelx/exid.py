@@ -14,6 +14,7 @@ from rampcast.formats.readers.levelx.levelx import Described, ThreeFiles, needs_
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.vehicles import front_centre
 from rampcast.formats.tables.columns import Column
+from rampcast.formats.tables.thousands import whole_name
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport
 from rampcast.roads.plane import PX, PY, SOURCE_LANE, plane_rows
@@ -66,7 +67,7 @@ def _in_plane(_: Head, found: Described) -> Described:
     table, values = found.table, found.values
     px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("heading").radians(), pl.col(c.LENGTH))
     lanelets = table["lane"].unique().drop_nulls()
-    first = lanelets.cast(pl.String).str.split(SEPARATOR).list.first()
+    first = [whole_name(name.partition(SEPARATOR)[0]) for name in lanelets.cast(pl.String)]
     rows = plane_rows(
         table,
         {

@@ -69,7 +69,7 @@ def columns_of(site: Site) -> tuple[Column, ...]:
     unknown = f"lane {{}} is unknown: site {site.name} has the lanes {', '.join(map(str, lanes))}"
 
     def number(name: str, kind: Any, low: float | int = -math.inf, high: float | int = math.inf, **more: Any) -> Column:
-        return Column(name, (name,), kind, low, high, may_be_grouped=True, **more)
+        return Column(name, (name,), kind, low, high, **more)
 
     return (
         number("vehicle_id", pl.Int32(), 0),

@@ -76,5 +76,6 @@ def _check_tracks(some: pl.DataFrame, unit: float, moment: str, files: Sequence[
         )
         raise FormatError(
             f"{', '.join(files)}: these are events, not trajectories: {what} of its vehicle. Expected a row for every "
-            f"vehicle at every moment, {SPARSE:g} s apart at most"
+            f"vehicle at every moment, {SPARSE:g} s apart at most. If the times are in milliseconds or frames, say so "
+            "with --mapping"
         )

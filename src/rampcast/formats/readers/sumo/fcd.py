@@ -25,6 +25,7 @@ from rampcast.formats.tables.columns import SHOWN, Column, Rows, missing_column
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.recording.translation import translated
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
@@ -191,7 +192,7 @@ def _vehicles_only(table: pl.DataFrame, others: int) -> tuple[pl.DataFrame, int]
         known = {name: _kind(name) for name in table["type"].unique().drop_nulls()}
         types = pl.Series(list(known), dtype=pl.Categorical())
         kinds = pl.Series(list(known.values()), dtype=PLANE_SCHEMA[c.KIND])
-        kind = pl.when(pl.col("type").is_not_null()).then(pl.col("type").replace_strict(types, kinds)).otherwise(kind)
+        kind = pl.when(pl.col("type").is_not_null()).then(translated(table["type"], types, kinds)).otherwise(kind)
     vehicles = table.with_columns(kind.alias(c.KIND))
     vehicles = vehicles.drop_nulls(c.KIND) if vehicles[c.KIND].has_nulls() else vehicles
     if {"edge", "lane"} <= set(table.columns):
