@@ -19,6 +19,7 @@ from rampcast.models.drivers import (
 )
 from rampcast.models.platoon_head import KEPT, fit_head
 from rampcast.models.pooled_driver import fit_pooled_driver
+from rampcast.traffic.around import joined
 from rampcast.traffic.merge_scenes import without_target
 from rampcast.traffic.platoons import Platoons
 from rampcast.traffic.situation import NOBODY, Situation, situation_of_scenes
@@ -171,24 +172,25 @@ def test_a_head_that_goes_on_to_its_desired_speed_is_found_to():
     assert found.noise < 1e-3
 
 
-def vehicles_of(count: int, each: int) -> np.ndarray:
-    return np.arange(count) // each
-
-
 def test_what_vehicles_say_of_their_law_is_what_it_is_and_the_more_the_more_there_are():
     made = drive(120, noise=0.1)
-    few = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(120, 6))
-    many = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(120, 1))
+    platoons, futures = joined([made.platoons] * 6), [np.tile(one, (6, 1)) for one in (made.truth, made.leader_truth)]
+    few = driver_evidence(platoons, *futures, np.tile(np.arange(120), 6))  # each six times, which says nothing new
+    many = driver_evidence(platoons, *futures, np.arange(720))
     np.testing.assert_allclose(many.precision, 6.0 * few.precision)
-    own, true = np.linalg.solve(many.precision, many.information), np.append(np.log(DRIVER), 0.0)
-    off = (own - true) / np.sqrt(np.diag(np.linalg.inv(many.precision)))
-    assert np.abs(off).max() < 3.0
-    assert np.sqrt(np.diag(np.linalg.inv(many.precision)))[:2].max() < 0.5
+    once = driver_evidence(made.platoons, made.truth, made.leader_truth, np.arange(120))
+    np.testing.assert_allclose(few.precision, once.precision, rtol=0.02)
+    of_itself = driver_evidence(made.platoons, made.truth, made.leader_truth, np.zeros(120))
+    assert np.linalg.norm(of_itself.precision) > 0.2 * np.linalg.norm(once.precision)  # noise is not alike
+    own, true = np.linalg.solve(once.precision, once.information), np.append(np.log(DRIVER), 0.0)
+    unsure = np.sqrt(np.diag(np.linalg.inv(once.precision)))
+    assert np.abs((own - true) / unsure).max() < 3.0
+    assert unsure[:2].max() < 0.5
 
 
 def test_too_few_vehicles_say_nothing():
     made = drive(12)
-    nothing = driver_evidence(made.platoons, made.truth, made.leader_truth, vehicles_of(12, 1))
+    nothing = driver_evidence(made.platoons, made.truth, made.leader_truth, np.arange(12))
     assert not nothing.precision.any()
     assert not nothing.information.any()
 

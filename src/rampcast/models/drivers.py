@@ -128,8 +128,8 @@ def driver_evidence(
 ) -> Evidence:
     """Returns what training vehicles say of `PARAMETERS`: nothing of what none of them shows, or if they are few.
 
-    The errors of a vehicle are much alike at all moments and seconds, so a vehicle counts as one error of the usual
-    size, however long it was seen. Vehicles that met the same minutes are taken for independent, which says too much.
+    The errors of a vehicle are alike at all moments and seconds, so they count as fewer than they are, by how much
+    alike they are. Vehicles that met the same minutes are taken for independent, which says too much.
 
     Args:
         platoons, truth, leader_truth: see `fit_drivers`.
@@ -140,11 +140,22 @@ def driver_evidence(
         return Evidence(np.zeros((len(PARAMETERS),) * 2), np.zeros(len(PARAMETERS)))
     change = np.append(np.maximum(fit.x[:-1], LEAST_EXPONENT), 1.0)  # of the parameters with their logarithms
     square = 2.0 * fit.cost / max(len(fit.fun) - len(change), 1)
-    of_a_vehicle = len(fit.fun) / len(set(vehicle[rows].tolist()))
     slope = fit.jac * change
-    precision = slope.T @ slope / (max(square, LEAST_SQUARE) * of_a_vehicle)
+    precision = slope.T @ slope / (max(square, LEAST_SQUARE) * _alike(fit.fun, vehicle[rows]))
     own = np.append(np.log(change[:-1]), fit.x[-1])
     return Evidence(precision, precision @ own)
+
+
+def _alike(error: Float[np.ndarray, "error"], vehicle: Shaped[np.ndarray, "error"]) -> float:
+    """Returns how many errors say as much as one that no other is like: 1 if all are of themselves, at most all.
+
+    The variance of the sum of a vehicle's errors over what it were if they were independent: the design effect of
+    samples in clusters. Source: Moulton 1986, "Random group effects and the precision of regression estimates".
+    """
+    counted = error / np.sqrt(1.0 + (error / TYPICAL_ERROR) ** 2)  # as the fit counts them
+    _, number = np.unique(vehicle, return_inverse=True)
+    sums, squares = np.bincount(number, weights=counted), float((counted**2).sum())
+    return float(max((sums**2).sum() / squares, 1.0)) if squares > 0.0 else 1.0
 
 
 def assumed_centre() -> Float[np.ndarray, "param"]:
@@ -258,10 +269,10 @@ def with_habit(drivers: Float[np.ndarray, "driver param"], habit: float) -> Floa
 
 def _fit_centre(
     platoons: Platoons, truth: Float[np.ndarray, "platoon step"], leader_truth: Float[np.ndarray, "platoon step"]
-) -> tuple[OptimizeResult, Int[np.ndarray, "chosen"]]:
+) -> tuple[OptimizeResult, Int[np.ndarray, "error"]]:
     """Returns the fit of the driver and the habit that bring the training vehicles nearest to where they went.
 
-    And by which of them, evenly spread; of too few there is none, and the fit is where it starts.
+    And of which of them each error is; of too few there is none, and the fit is where it starts.
     """
     seen = np.isfinite(truth) & np.logical_and.accumulate(np.isfinite(leader_truth), axis=1)
     rows = np.flatnonzero((platoons.depth > 0) & seen.any(axis=1))
@@ -280,7 +291,7 @@ def _fit_centre(
         f_scale=TYPICAL_ERROR,
         max_nfev=30,
     )
-    return fit, rows
+    return fit, rows[np.nonzero(at)[0]]
 
 
 def _driver(parameters: Float[np.ndarray, "param_and_habit"]) -> tuple[Float[np.ndarray, "param"], float]:
