@@ -1,7 +1,7 @@
 """Prints how well each site is forecast by all others: vehicles pooled over sites, and sites told apart.
 
-Run: python benchmarks/sites_left_out.py [--corrected | --few N] (needs the recordings in RAMPCAST_DATA; a minute, or
-many).
+Run: python benchmarks/sites_left_out.py [--corrected | --few N | --own]
+(needs the recordings in RAMPCAST_DATA; a minute, or many).
 
 The sites and vehicles are those of the pretrained model, fewer of each. Mean error [m] and share of truths in the 90 %
 band at 5, 10 and 15 s, of vehicles of main lanes by roll-outs alone; or, corrected, of ramps too, which merge. Of
@@ -9,6 +9,8 @@ US 101 only the first seconds are known.
 
 With --few a forecaster of all others pooled is trained on with N vehicles of the site, and scored on those that meet
 none of these, three times with other N: as it was, and trained on without and with what is known of how sites differ.
+With --own no site is left out: a model like the pretrained one, but of sites told apart, is scored as that one is in
+its provenance.json.
 """
 
 import argparse
@@ -18,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rampcast.benchmark.pretrained import parts_of, pooled_with_sites
+from rampcast.benchmark.pretrained import SPEC, parts_of, pooled_with_sites, scores_of
 from rampcast.benchmark.run import default_folder
 from rampcast.forecast.calibrated import CalibratedSpec, fit_calibrated
 from rampcast.forecast.held_out import errors_of
@@ -41,8 +43,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=default_folder())
     parser.add_argument("--corrected", action="store_true", help="with ramps, merges and corrections")
     parser.add_argument("--few", type=int, metavar="N", help="corrected, and trained on with N vehicles of the site")
+    parser.add_argument("--own", action="store_true", help="none left out; in full size")
     parser.add_argument("--only", metavar="SITE", help="leave out that site alone")
     given = parser.parse_args()
+    if given.own:
+        print_own(given.folder)
+        return
     is_whole = given.corrected or given.few is not None
     sites = whole_sites(given.folder) if is_whole else main_lanes(given.folder)
     seconds = "".join(f" {second:g} s |" for second in SECONDS)
@@ -56,6 +62,14 @@ def main() -> None:
             numbers = [*(f"{one:.2f}" for one in error[AT]), *(f"{one:.0%}" for one in coverage[AT])]
             shown = " | ".join("" if "nan" in one else one for one in numbers)
             print(f"| {site} | {count:,} | {way} | {shown} |", flush=True)
+
+
+def print_own(folder: Path) -> None:
+    """Prints how well test parts of the sites learned from, told apart, are forecast."""
+    model = fit_calibrated(joined_training([part for _, part in parts_of(folder)]), spec=SPEC)
+    for name, scores in scores_of(model, folder):
+        numbers = [*(scores["error"][at] for at in AT), *(scores["coverage"][at] for at in AT)]
+        print(f"| {name} | sites apart | {' | '.join('' if one is None else f'{one:.2f}' for one in numbers)} |")
 
 
 def whole_sites(folder: Path) -> dict[str, Training]:

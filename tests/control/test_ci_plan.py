@@ -1,4 +1,4 @@
-"""The plan for a continuous integration, as a user runs it: all kinds of controllers, tuned and compared, in minutes."""
+"""The plan for a continuous integration, as a user runs it: all kinds of controllers tuned and compared, in minutes."""
 
 import polars as pl
 import pytest

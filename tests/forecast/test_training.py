@@ -9,10 +9,13 @@ import rampcast as rc
 from rampcast.errors import RampcastError
 from rampcast.forecast import forecaster as module
 from rampcast.forecast.calibrated import CalibratedSpec
+from rampcast.forecast.examples import training_of
 from rampcast.forecast.forecaster import ForecasterSpec, fit
+from rampcast.forecast.learning import fit_base
 from rampcast.forecast.storage import load
 from rampcast.forecasters import PRETRAINED_FOLDER
 from rampcast.models.correction import CorrectionSpec
+from rampcast.models.drivers import LEAST_EXPONENT
 from rampcast.recording import clean, concatenate
 from tests.made_up_traffic import random_traffic
 
@@ -37,6 +40,21 @@ def test_the_pretrained_model_takes_at_most_three_megabytes_and_forecasts_any_si
     found = pretrained.predict(traffic)
     assert len(found) > 10
     assert np.isfinite(found.samples).all()
+
+
+@pytest.mark.slow
+def test_the_pretrained_model_draws_a_small_recording_to_the_mean_of_the_sites_that_it_knows(recording, pretrained):
+    known = pretrained.model.base
+    assert known.sites.main.sites == ("i24", "i75", "i80", "simulated", "us101")
+    assert known.sites.hazard.parameters.sites == ("simulated", "us101")  # nobody merges in what is there of the others
+    some = training_of(recording, spacing=2.0, tell=lambda done, total: None)
+    sites, unsure = known.sites.main, np.sqrt(known.sites.main.spread**2 + np.diag(known.sites.main.doubt))
+    away = []
+    for start in (replace(known, sites=None), known):
+        driver = fit_base(some, seed=1, start=start).roll_out.main
+        own = np.append(np.log(np.maximum(driver.centre, LEAST_EXPONENT)), driver.habit)
+        away.append(np.abs((own - sites.mean) / unsure).max())
+    assert away[1] < 0.7 * away[0]
 
 
 def test_a_training_that_was_interrupted_goes_on_with_the_stages_that_it_kept(recording, tmp_path, monkeypatch):

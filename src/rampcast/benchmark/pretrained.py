@@ -66,7 +66,7 @@ def main() -> None:
         "made by": "make pretrained",
         "trained on": {name: {"vehicles at moments": len(part)} for name, part in parts.items()},
         "seconds": ((KNOTS + 1) / 5).tolist(),
-        "mean error on test parts [m], and share of truths in the 90 % band": dict(_scores(forecaster, folder)),
+        "mean error on test parts [m], and share of truths in the 90 % band": dict(scores_of(model, folder)),
     }
     (PRETRAINED_FOLDER / PROVENANCE).write_text(json.dumps(told, indent=1), encoding="utf-8")
     print(json.dumps(told, indent=1))
@@ -128,12 +128,18 @@ def _digest(training: Training) -> str:
     return hashlib.sha256(np.ascontiguousarray(training.truth).tobytes()).hexdigest()
 
 
-def _scores(forecaster: Forecaster, folder: Path) -> Iterator[tuple[str, dict[str, list[float | None]]]]:
+def scores_of(model: Calibrated, folder: Path) -> Iterator[tuple[str, dict[str, list[float | None]]]]:
+    """Yields each data set, with what a model's forecasts of its test part are worth at `correction.KNOTS`.
+
+    Args:
+        model: see there.
+        folder: of the real recordings.
+    """
     for number, name in enumerate(SITES, start=1):
         data_set = DATA_SETS[name]
         _, test = split(data_set.read(data_set.find(folder))).parts[0]
         some = training_of_cases(test.select(test.longitudinal), number)
-        low, median, high = forecaster.model.quantiles(some, (0.05, 0.5, 0.95))
+        low, median, high = model.quantiles(some, (0.05, 0.5, 0.95))
         truth = some.truth[:, KNOTS]
         inside = np.where(np.isfinite(truth), (low <= truth) & (truth <= high), np.nan)
         speed = np.maximum(some.scenes.own.v[:, 0, -1], 0.0)[:, None] * (KNOTS + 1) / 5

@@ -124,7 +124,12 @@ MergeZone = Annotated[
 ]
 Mirrored = Annotated[bool, typer.Option("--mirrored", help="The source's plane grows to the right: turn it.")]
 Start = Annotated[
-    str, typer.Option("--from", help="Model whose parts are taken where there is too little to learn from; or 'none'.")
+    str,
+    typer.Option(
+        "--from",
+        help="Model to whose sites a small recording is drawn, and whose parts are taken where it is too little to "
+        "learn from; or 'none'.",
+    ),
 ]
 
 
