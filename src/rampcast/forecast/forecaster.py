@@ -247,9 +247,8 @@ def fit(
         recording: all windows to train on, of one site.
         every: time between training moments [s], a multiple of 0.2, the longer the quicker; None takes the spec's.
         spec: how to train.
-        start: whose parts are taken where the recording is too little to learn them from, as `rc.load("pretrained")`,
-            and to the mean of whose sites a small one is drawn. With it the last minutes of the recording are held out
-            first, to score both.
+        start: to whose sites a small recording is drawn, and whose parts are taken where it is too little, as
+            `rc.load("pretrained")`. With it the last minutes of the recording are held out first, to score both.
         kept: folder for the stages of the training, which goes on there when it is called again after an interruption.
         progress: called as (what, done, total).
         threads: to work with; None for RAMPCAST_THREADS, or all cores.
