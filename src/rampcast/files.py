@@ -32,6 +32,7 @@ WORK: Final = re.compile(r"\.rampcast-[0-9a-f]{16}\.partial")
 LIST: Final = ".rampcast.json"
 READY: Final = "ready.json"  # in a work folder whose files are all whole: which they are, and which others shall go
 NEW: Final = "new"
+MOST_SETTINGS: Final = 1 << 26  # [bytes] 67 MB; a site of a hundred thousand points has 3
 LOCK_TRIES: Final = 5
 FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 PROBE: Final = bytes(4096)  # on a full disk an empty file can still be made
@@ -52,6 +53,20 @@ def write_whole(path: Path) -> Iterator[Path]:
         if target.exists():
             shutil.copymode(target, work / NEW)
         put(work / NEW, target)
+
+
+def read_settings(path: Path) -> str:
+    """Returns the text of a file of settings, which nobody writes large.
+
+    Raises:
+        ValueError: it is larger, or no text.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        text = file.read(MOST_SETTINGS + 1)
+    if len(text) > MOST_SETTINGS:
+        raise ValueError(f"it has more than {MOST_SETTINGS / 1e6:.0f} MB, which no such file has")
+    return text.decode("utf-8")
 
 
 @contextmanager
@@ -252,7 +267,7 @@ def _may_be_replaced(path: Path, digests: Collection[str]) -> bool:
 
 def _list_of(folder: Path) -> Mapping[str, list[str]]:
     try:
-        found = json.loads((folder / LIST).read_bytes())
+        found = json.loads(read_settings(folder / LIST))
         return {str(name): [str(one) for one in digests] for name, digests in dict(found).items()}
     except (OSError, ValueError, TypeError, RecursionError):  # none, or a damaged one, which proves nothing
         return {}

@@ -181,7 +181,9 @@ def test_a_track_is_cut_where_a_vehicle_stands_vanishes_and_is_back_far_away():
         (1, 0.0, 0),
         (30, 0.0, 0),  # lost for 3 s and seen again where it should be
         (30, 30.0, 0),  # it braked or sped up in between
+        (30, 40.0, 1),  # and was as slow again: 18 m/s² up and down
         (30, 120.0, 1),
+        (49, 80.0, 1),
         (30, -120.0, 1),
         (49, -15 * 4.9, 0),  # it may have stood all the time
     ],
@@ -304,7 +306,9 @@ def test_a_protobuf_of_commonroad_is_refused_with_a_word(tmp_path):
         read_all([tmp_path / "a.pb"])
 
 
-@pytest.mark.parametrize(("foot", "found"), [(0.3084, True), (FOOT, False), (0.305, True)])
+@pytest.mark.parametrize(
+    ("foot", "found"), [(0.3084, True), (FOOT, False), (0.305, True), (0.3, True), (0.3048006, False)]
+)
 def test_the_doctor_finds_feet_turned_into_metres_with_a_wrong_factor(foot, found):
     feet = np.round(40.0 + 4.321 * np.arange(200) + 0.3 * np.sin(np.arange(200)), 3)
     diagnosis = examine(recording_of(feet * foot, range(200)))
@@ -312,6 +316,21 @@ def test_the_doctor_finds_feet_turned_into_metres_with_a_wrong_factor(foot, foun
     assert (finding is not None) is found
     if finding is not None:
         assert finding.places["value"].to_list() == [foot]
+
+
+@pytest.mark.parametrize(("foot", "found"), [(0.3084, True), (FOOT, False), (0.304, True)])
+def test_wrong_feet_are_found_in_metres_with_four_decimals_too(foot, found):
+    feet = np.round(40.0 + 4.321 * np.arange(200) + 0.3 * np.sin(np.arange(200)), 2)
+    assert (examine(recording_of(np.round(feet * foot, 4), range(200))).finding("feet") is not None) is found
+
+
+@pytest.mark.parametrize("limit", [27.78, 36.11])
+def test_the_speed_limit_of_exid_is_in_metres_per_second(tmp_path, limit):
+    sample = samples()["exid"]
+    name = next(one for one in sample.files if "recordingMeta" in one)
+    table = pl.read_csv(sample.files[name]).with_columns(speedLimit=pl.lit(limit))
+    recordings, _ = read_all(sample.write(tmp_path, {name: table.write_csv().encode()}))
+    assert {recording.site.speed_limit for recording in recordings} == {limit}
 
 
 def test_metres_with_two_decimals_are_no_feet():

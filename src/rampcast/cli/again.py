@@ -14,6 +14,7 @@ import typer
 from rampcast.cli import show as terminal
 from rampcast.cli.app import app
 from rampcast.errors import RampcastError
+from rampcast.files import read_settings
 
 if TYPE_CHECKING:
     from typer.core import TyperCommand
@@ -44,7 +45,7 @@ def run(
 def _read(file: Path) -> tuple[str, Path, list[str]]:
     """Returns the release that wrote a file, the folder it was called in, and its arguments."""
     try:
-        values = tomllib.loads(file.read_text(encoding="utf-8"))
+        values = tomllib.loads(read_settings(file))
         arguments, folder = values["arguments"], Path(values["folder"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RampcastError(

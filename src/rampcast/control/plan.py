@@ -14,6 +14,7 @@ import msgspec
 from rampcast.control.controller import ONE_RAMP, Controller, checked
 from rampcast.errors import RampcastError
 from rampcast.file_values import Name, Positive, converted, not_one_of
+from rampcast.files import read_settings
 from rampcast.simulate.corridor import Corridor
 from rampcast.simulate.drivers import DRIVERS, drivers_of
 from rampcast.simulate.plant import Scenario
@@ -139,8 +140,8 @@ def read_plan(path: Path | str) -> Plan:
     if str(path) in SHIPPED:
         return _plan(resources.files("rampcast.control").joinpath(f"plans/{path}.toml").read_text("utf-8"), str(path))
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_settings(Path(path))
+    except (OSError, ValueError) as error:
         raise RampcastError(f"{path}: the plan cannot be read: {error}; {', '.join(SHIPPED)} ship") from error
     return _plan(text, str(path))
 

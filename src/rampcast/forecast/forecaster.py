@@ -36,7 +36,7 @@ from rampcast.traffic.around import merge_scenes_at
 from rampcast.traffic.moments import Traffic, traffic_at_times
 from rampcast.traffic.situation import forecastable, joined_situations, situation_of_traffic
 
-MOST_VEHICLES = 20_000  # at one moment: 50 s of one core and 4 GB; a jam of 8 km on five lanes has 6,000
+MOST_VEHICLES = 20_000  # at one moment: 72 s of the processor and 3.2 GB; a jam of 8 km on five lanes has 6,000
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,11 @@ from rampcast.forecast.forecasts import Forecasts
 from rampcast.forecast.protocol import NEEDS_RAW, Parts, RecordingForecast
 from rampcast.forecast.tables import FILES
 from rampcast.recording import Recording
+from rampcast.recording import columns as c
 from rampcast.recording.recording import seconds_of
-from rampcast.traffic.moments import SPAN, Traffic, moment_times, traffic_at_times
+from rampcast.traffic.moments import SPAN, Traffic, times_between, traffic_at_times
 
+SHOWN = 5  # windows that a message names
 ROWS = 200_000  # of the longest table that are kept before they are written: some 10 MB
 BATCH = 16  # moments that are forecast together: 100 samples of 100 vehicles each are 72 MB
 MANY = 4000  # vehicles, whatever their moments: as many as are at 16 moments of a long section
@@ -39,9 +41,15 @@ def moment_parts(
         RecordingError: the raw recording is not there or shorter than 4 s, or `every` is not above 0.
     """
     raw = _raw_of(recording)
-    times = {window: moment_times(raw, every=every, window=window) for window in raw.names}
+    frame = pl.col(c.FRAME)
+    ends = raw.tracks.group_by(pl.col(c.RECORDING).cast(pl.String)).agg(frame.min().alias("first"), frame.max())
+    spans = {str(name): (first * raw.time_step, last * raw.time_step) for name, first, last in ends.iter_rows()}
+    times = {window: times_between(*spans[window], every=every) for window in raw.names}
     if not sum(map(len, times.values())):
-        raise RecordingError(f"{', '.join(raw.names)}: {_no_moment(max(seconds_of(raw).values()), every)}")
+        more = f" and {len(raw.names) - SHOWN:,} more" if len(raw.names) > SHOWN else ""
+        raise RecordingError(
+            f"{', '.join(raw.names[:SHOWN])}{more}: {_no_moment(max(seconds_of(raw).values()), every)}"
+        )
     return parts_at(predict, raw, times)
 
 

@@ -195,6 +195,8 @@ def _arrays_file(description: dict[str, Any]) -> str:
 
 
 def _arrays(path: Path, digest: str | None) -> dict[str, np.ndarray]:
+    if path.exists() and not path.is_file():
+        raise ModelError("it is no ordinary file")
     with ZipFile(path) as file:
         size = sum(part.file_size for part in file.infolist())
     if size > LARGEST:

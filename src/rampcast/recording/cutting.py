@@ -13,6 +13,7 @@ from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION, LONGEST_FILLED
 
 FASTEST = 70.0  # [m/s] 252 km/h: the speed to which makers limit most fast cars is 250 km/h
 NOISE = 5.0  # [m] a car's length: a tracker that slips so far still follows the same vehicle
+SPEED_NOISE = 3.0  # [m/s] of a speed over half a second, where a place is off by a metre
 ASIDE, ASIDE_RATE = 7.5, 3.0  # [m, m/s] aside: two lanes, which simulators cross in a step, and as fast as one swerves
 BESIDE = 0.5  # [s] before and after a step that tell how fast the vehicle was
 
@@ -68,7 +69,10 @@ def _impossible(tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_ste
     slow, fast = np.fmin(before, after), np.fmax(before, after)
     slow, fast = np.nan_to_num(slow, nan=0.0), np.nan_to_num(fast, nan=FASTEST)
     time = elapsed[suspects]
-    is_along = (came[suspects] < slow * time - reach[suspects]) | (came[suspects] > fast * time + reach[suspects])
+    # who must be as slow again has half of the time to speed up, and half to brake
+    both = (before + after) / 2 * time + IMPOSSIBLE_ACCELERATION * time**2 / 4 + NOISE + SPEED_NOISE * time
+    farthest = np.fmin(fast * time + reach[suspects], both)
+    is_along = (came[suspects] < slow * time - reach[suspects]) | (came[suspects] > farthest)
     found[suspects] = is_along | (np.abs(aside[suspects]) > ASIDE + ASIDE_RATE * time)
     return found
 

@@ -295,8 +295,9 @@ def _lengths(rows: TrackRows) -> Breach | None:
 
 def _lanes(rows: TrackRows) -> Breach | None:
     """Returns a site's lanes that lie too close to each other, or too far apart."""
-    centres = np.unique([lane.centre for lane in rows.recording.site.lanes if lane.role == "main"])
-    steps = np.diff(centres)
+    mains = [lane.centre for lane in rows.recording.site.lanes if lane.role == "main"]
+    centres = np.unique(mains)
+    steps = np.diff(centres) if len(centres) > 1 or len(mains) < 2 else np.zeros(1)
     wrong = steps[(steps < LANE_SPACING[0]) | (steps > LANE_SPACING[1])]
     if len(wrong) <= len(steps) / 2:
         return None

@@ -10,7 +10,7 @@ from rampcast.recording import columns as c
 from rampcast.roads.draft_leader import SMOOTHER, Way, leader_of, spread_candidates
 from rampcast.roads.draft_points import HARDLY, Sample
 from rampcast.roads.plane import PX, PY, Plane
-from rampcast.roads.reference import ReferenceLine, along_road, in_plane, reference_line
+from rampcast.roads.reference import LONGEST, ReferenceLine, along_road, in_plane, reference_line
 
 Points = Float[np.ndarray, "point 2"]
 
@@ -24,7 +24,6 @@ ALIKE = 0.25  # of the tracks keep their lane, at least
 CANDIDATES = 60  # tracks that are compared with each other
 PLACE = 5.0  # [m] between the places at which they are compared
 MOST_PLACES = 1000
-LONGEST = 200_000.0  # [m] no recorded road is as long; a vehicle whose positions jump makes a longer one
 
 
 def draft_line(plane: Plane, sample: Sample, chosen: Bool[np.ndarray, "track"]) -> Points:

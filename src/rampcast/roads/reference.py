@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from rampcast.errors import SiteError
 from rampcast.threads import in_threads
 
+LONGEST = 200_000.0  # [m] no recorded road is as long; a vehicle whose positions jump makes a longer one
 SPACING = 2.0  # [m] between the points that the line is resampled to; a road of 50 m radius leaves its chord by 1 cm
 REFINEMENTS = 8  # at most; each squares the error of the foot of the perpendicular, so that three do on a road
 CLOSE = 1e-4  # [m] a foot that moves by less is found: the next step would be about its square
@@ -51,6 +52,10 @@ def reference_line(points: Float[np.ndarray, "point 2"]) -> ReferenceLine:
         raise SiteError("a reference line needs two different points or more")
     lengths = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
+    if along[-1] > LONGEST and len(points) > 2:
+        raise SiteError(
+            f"the reference line is {along[-1] / 1000:,.0f} km long, expected {LONGEST / 1000:g} km at most"
+        )
     pieces = 1 if len(points) == 2 else max(round(along[-1] / SPACING), 1)
     places = np.linspace(0.0, along[-1], pieces + 1)
     resampled = np.stack([np.interp(places, along, points[:, axis]) for axis in (0, 1)], axis=1)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from rampcast.arguments import expected
 from rampcast.errors import SiteError
 from rampcast.file_values import LARGEST, Name, Number, Positive, close_name, converted, got
-from rampcast.files import write_whole
+from rampcast.files import read_settings, write_whole
 from rampcast.notebook import html_table
 
 SITE_FOLDER = Path(__file__).parent / "data"
@@ -33,6 +33,7 @@ RAMP_VALUES = ("gore", "ramp_end", "merge_zone", "target_lane", "lane_line")  # 
 
 Point = tuple[Number, Number]
 Place = Annotated[float, msgspec.Meta(ge=-LARGEST)]  # a number, or infinity
+MOST_LANE = 32_767  # the largest number of a lane that a recording has room for
 Role = Literal["main", "ramp", "exit", "shoulder"]
 
 
@@ -44,7 +45,7 @@ class Lane:
     lane whose centre is nearest.
     """
 
-    number: int
+    number: Annotated[int, msgspec.Meta(ge=0, le=MOST_LANE)]
     role: Role
     centre: Number
     sources: tuple[str, ...] = ()
@@ -179,7 +180,7 @@ def load_site(name: str | Path) -> Site:
             "or give the path of a site file that ends in .toml (see docs/sites.md, 'A site of your own')"
         )
     try:
-        return site_from_dict(tomllib.loads(path.read_text(encoding="utf-8")))
+        return site_from_dict(tomllib.loads(read_settings(path)))
     except (ValueError, RecursionError) as error:  # also of bytes that are no text, numbers of 5000 digits
         raise SiteError(f"{path}: not a TOML file: {error}") from error
     except SiteError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head
+from rampcast.formats.files.head import SIZE, Head
 from rampcast.formats.files.sources import open_source
 from rampcast.formats.tables.thousands import GROUPED, has_decimal_commas
 
@@ -41,6 +41,11 @@ def sample_of_head(head: Head) -> Sample:
         return Sample(head.name, head.table.head(ROWS))
     if head.types is not None:
         return Sample(head.name, pl.scan_parquet(head.path).head(ROWS).collect())
+    if head.header is not None and head.text.count(b"\n") < head.header.lines and len(head.text) >= SIZE:
+        raise FormatError(
+            f"{head.name}: its first line has more than {SIZE:,} letters, expected the names of columns; leave out "
+            "those that tell nothing of vehicles"
+        )
     if head.header is None:
         raise FormatError(
             f"{head.name}: this is no table whose first line names its columns. Put one before the numbers, "

@@ -14,6 +14,7 @@ from rampcast.errors import RecordingError
 from rampcast.horizon import EDGE, PAST, SAME_STEP, STEP
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.recording.smoothing import SHORTEST_STEP
 from rampcast.roads.project import lanes_at
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
@@ -126,6 +127,8 @@ def times_between(first: float, last: float, *, every: float) -> Float[np.ndarra
     """Returns the times of `moments` [s] of a window whose first and last rows are at these times [s]."""
     if not every > 0:
         raise RecordingError(f"expected a time above 0 s between two moments, got {every:g} s")
+    if every < SHORTEST_STEP:
+        raise RecordingError(f"expected {SHORTEST_STEP} s or more between two moments, got {every:g} s")
     begin, end = np.ceil((first + SPAN) / every - SAME_STEP), np.floor(last / every + SAME_STEP)
     return np.arange(begin, end + 1) * every
 

@@ -19,7 +19,18 @@ from rampcast.recording.cutting import FASTEST
 CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
 LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide
 LEAST_SHARE = 0.01  # of all rows: a lane of fewer may be no more than wrong labels
-WRONG_FEET = (0.3084, 0.3408, 0.305, 0.3049, 0.3047)  # [m] slips of the pen for 0.3048, and roundings
+PARTS = {1000: "thousandths", 100: "hundredths"}  # in which sources give feet
+WRONG_FEET = (
+    0.3084,
+    0.3408,
+    0.305,
+    0.304,
+    0.3049,
+    0.3047,
+    0.308,
+    0.3,
+    0.31,
+)  # [m] slips of the pen for 0.3048, and roundings
 MOST_WHOLE = 0.95  # of values that are whole thousandths of a foot: by chance a tenth is
 WHOLE = 0.05  # of a thousandth: metres rounded to a tenth of a millimetre are still told
 NEAR = 3.0  # [m] nearer to 0 one foot is as good as another
@@ -67,19 +78,22 @@ def feet(subject: Subject) -> Faults | NotAssessed:
     x = x[np.abs(x) > NEAR]
     if len(x) < FEWEST:
         return NotAssessed("there are too few positions")
-    whole = {foot: _share_whole(x / foot) for foot in WRONG_FEET}
-    foot = max(whole, key=lambda one: whole[one])
-    if whole[foot] < MOST_WHOLE or _share_whole(x / FOOT) >= MOST_WHOLE or _share_whole(x) >= MOST_WHOLE:
+    whole = {(foot, parts): _share_whole(x / foot, parts) for foot in WRONG_FEET for parts in PARTS}
+    foot, parts = max(whole, key=lambda one: whole[one])
+    if whole[foot, parts] < MOST_WHOLE or any(_share_whole(x / unit, parts) >= MOST_WHOLE for unit in (FOOT, 1.0)):
         return Faults(no_places(), of=1, count=0)
     off = 100 * (foot / FOOT - 1)
-    detail = f"{whole[foot]:.1%} of x are whole thousandths of a foot of {foot:g} m: all positions are {off:+.2f} % off"
+    detail = (
+        f"{whole[foot, parts]:.1%} of x are whole {PARTS[parts]} of a foot of {foot:g} m: all positions are "
+        f"{off:+.2f} % off"
+    )
     return Faults(moments({VALUE: [foot]}), of=1, detail=detail)
 
 
-def _share_whole(values: Float[np.ndarray, "position"]) -> float:
-    """Returns which share of values are whole thousandths, as far as a tenth of them tells."""
-    thousandths = values * 1000
-    return float(np.mean(np.abs(thousandths - np.rint(thousandths)) < WHOLE))
+def _share_whole(values: Float[np.ndarray, "position"], parts: int) -> float:
+    """Returns which share of values are whole parts, as thousandths, as far as a tenth of them tells."""
+    counts = values * parts
+    return float(np.mean(np.abs(counts - np.rint(counts)) < WHOLE))
 
 
 def _car_length(subject: Subject) -> Iterator[_Measured]:

@@ -15,6 +15,7 @@ import msgspec
 
 from rampcast.errors import FormatError, SiteError
 from rampcast.file_values import Name, Number, Positive, converted, got, not_one_of, refuse_unknown_keys
+from rampcast.files import read_settings
 from rampcast.formats.steps.units import FOOT, KILOMETRE_PER_HOUR, MILE_PER_HOUR
 from rampcast.formats.steps.written_times import WRITTEN
 from rampcast.recording import columns as c
@@ -184,7 +185,7 @@ def load_mapping(path: Path) -> TableMapping:
     """
     path = Path(path)
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(read_settings(path))
     except OSError as error:
         raise FormatError(f"{path}: the mapping cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # also of bytes that are no text, numbers of 5000 digits
