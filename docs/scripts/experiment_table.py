@@ -10,15 +10,17 @@ import polars as pl
 
 from rampcast.control.comparing import compared
 
-BASES = ("none", "alinea")
+BASES = {"none": "from no control", "alinea": "from ALINEA"}
 
 
 def main(folder: str) -> None:
     """Prints a row a controller: total time by demand, differences from no control and from ALINEA, safety, waits."""
     runs = pl.read_parquet(Path(folder) / "runs.parquet")
     demands = runs["demand"].unique(maintain_order=True).to_list()
-    against = {base: compared(runs, baseline=base, measure="total_time") for base in BASES}
-    head = [*demands, "from no control", "from ALINEA", "p, p", "conflicts", "hard brakings", "longest wait [s]"]
+    bases = {base: told for base, told in BASES.items() if base in runs["controller"]}
+    against = {base: compared(runs, baseline=base, measure="total_time") for base in bases}
+    ps = ", ".join("p" for _ in bases)
+    head = [*demands, *bases.values(), ps, "conflicts", "hard brakings", "longest wait [s]"]
     print(f"{runs['seed'].n_unique()} seeds, {runs.height} runs")
     print("| controller | " + " | ".join(head) + " |\n|---" + "|---" * len(head) + "|")
     for name in runs["controller"].unique(maintain_order=True).to_list():

@@ -1,6 +1,7 @@
 """Plans: what ships can be read, and what cannot be is refused in words."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -94,3 +95,14 @@ def test_the_demand_of_a_run_rises_to_its_peak_and_falls_again(tmp_path):
     flows = [sum(profile[k][1] for profile in scenario.demand.values()) for k in range(6)]
     assert flows == pytest.approx([2400.0, 2400.0, 4000.0, 4000.0, 1440.0, 1440.0])
     assert scenario.duration == 1800.0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_page_tells_how_many_runs_a_plan_has(name):
+    plan = read_plan(name)
+    runs = len(plan.seeds) * len(plan.demands) * len(plan.controllers)
+    tuning = sum(map(len, plan.tune.values())) * len(plan.demands) * len(plan.tune_seeds)
+    told = f"{runs}, and {tuning} to tune" if tuning else str(runs)
+    page = (Path(__file__).parents[2] / "docs/control.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.splitlines() if line.startswith(f"| `{name}` | ")]
+    assert row.split(" | ")[2] == told
