@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 import tomli_w
 
+from rampcast.batch import read_plan as read_batch
+from rampcast.cli.live import token_of
 from rampcast.control.plan import read_plan
-from rampcast.errors import RampcastError
-from rampcast.files import MOST_SETTINGS, read_settings, write_outputs
+from rampcast.errors import OutputError, RampcastError
+from rampcast.files import LIST, MOST_SETTINGS, check_outputs, write_outputs
 from rampcast.forecast.forecaster import Forecaster
 from rampcast.forecast.storage import load
 from rampcast.formats import read_any
@@ -24,7 +26,7 @@ from tests.model_folders.make import TRAFFIC
 PRETRAINED = Path(__file__).parents[2] / "src" / "rampcast" / "forecast" / "pretrained"
 
 
-@pytest.mark.parametrize("reads", [load_site, load_mapping, read_plan])
+@pytest.mark.parametrize("reads", [load_site, load_mapping, read_plan, read_batch, token_of])
 def test_settings_that_are_too_large_are_not_read_to_their_end(tmp_path, reads):
     with (tmp_path / "a.toml").open("wb") as file:
         file.write(b"# ")
@@ -34,11 +36,20 @@ def test_settings_that_are_too_large_are_not_read_to_their_end(tmp_path, reads):
 
 
 def test_a_list_of_outputs_that_never_ends_proves_nothing(tmp_path):
-    os.symlink("/dev/zero", tmp_path / ".rampcast.json")
-    with write_outputs(tmp_path / "inside") as new:
+    (tmp_path / "a").write_text("a")
+    os.symlink("/dev/zero", tmp_path / LIST)
+    with pytest.raises(OutputError, match="not as rampcast wrote it"):
+        check_outputs(tmp_path, ["a"])
+
+
+def test_a_list_of_outputs_that_is_larger_than_any_proves_nothing(tmp_path):
+    with write_outputs(tmp_path) as new:
         (new / "a").write_text("a")
-    with pytest.raises(ValueError, match="more than 67 MB"):
-        read_settings(tmp_path / ".rampcast.json")
+    check_outputs(tmp_path, ["a"])
+    with (tmp_path / LIST).open("a") as file:
+        file.write(" " * MOST_SETTINGS)  # else as it was
+    with pytest.raises(OutputError, match="not as rampcast wrote it"):
+        check_outputs(tmp_path, ["a"])
 
 
 def test_arrays_of_a_model_that_are_a_device_are_not_read(tmp_path):

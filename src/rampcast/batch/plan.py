@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rampcast.errors import RampcastError
+from rampcast.files import read_settings
 
 SHORTEST: Final = 10.0  # [s] of a part: each is read with 19 s around it
 STEPS: Final = ("doctor", "convert", "forecast", "evaluate")  # in the order in which a task does them
@@ -78,8 +79,8 @@ def read_plan(path: Path | str) -> Plan:
     """
     path = Path(path)
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        values = tomllib.loads(read_settings(path))
+    except (OSError, ValueError, RecursionError) as error:  # also of bytes that are no text, numbers of 5000 digits
         raise RampcastError(f"{path}: the plan cannot be read: {error}") from error
     _check(path, values)
     here = path.parent

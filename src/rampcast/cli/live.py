@@ -12,6 +12,7 @@ from rampcast.cli.app import app
 from rampcast.cli.options import AnyModel, FormatName, MappingFile, SkipBadRows
 from rampcast.cli.reading import Reading, read_raw
 from rampcast.errors import RampcastError
+from rampcast.files import read_settings
 
 if TYPE_CHECKING:
     from rampcast.live.service import Choices, Source
@@ -193,11 +194,14 @@ def token_of(file: Path | None) -> str | None:
     """Returns the token that clients have to know; None for none.
 
     Raises:
-        RampcastError: its file is empty.
+        RampcastError: its file cannot be read, or is empty.
     """
     if file is None:
         return os.environ.get(TOKEN) or None
-    token = file.read_text(encoding="utf-8").strip()
+    try:
+        token = read_settings(file).strip()
+    except (OSError, ValueError) as error:
+        raise RampcastError(f"{file}: the token cannot be read: {error}") from error
     if not token:
         raise RampcastError(f"{file}: no token is in it; write one of 16 letters or more, drawn at random")
     return token
