@@ -7,8 +7,10 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import read_any
+from rampcast.formats.files.head import look
 from rampcast.formats.tables.thousands import whole_name
 from rampcast.recording import Recording
+from rampcast.start.sample import sample_of_head
 from tests.formats.samples import Sample, samples
 
 CSV = [name for name, one in samples().items() if all(file.endswith((".csv", ".toml")) for file in one.files)]
@@ -66,6 +68,38 @@ def test_decimal_commas_with_three_decimals_are_no_thousands(tmp_path, separator
     assert recording.tracks["y"].unique().to_list() == [-1.5]
 
 
+DOUBTFUL = "vehicle;time;x;y;lane\n" + "".join(f"7;{k};{28 + 2 * k},000;1,800;1\n" for k in range(20))
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "|"])
+def test_commas_that_may_part_thousands_or_decimals_are_refused(tmp_path, separator):
+    (tmp_path / "a.csv").write_text(DOUBTFUL.replace(";", separator))
+    with pytest.raises(FormatError, match=r"line 2, column 3: x: found '28,000': does its comma part .* a mapping"):
+        read_any(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(("sign", "first"), [(",", 28.0), (".", 28_000.0)])
+def test_a_mapping_says_what_commas_part(tmp_path, sign, first):
+    (tmp_path / "a.csv").write_text(DOUBTFUL)
+    columns = "".join(f'{name} = "{name}"\n' for name in ("vehicle", "time", "x", "y", "lane"))
+    (tmp_path / "a.toml").write_text(f'decimal = "{sign}"\n[columns]\n{columns}')
+    recording, _ = read_any(tmp_path / "a.csv", mapping=tmp_path / "a.toml")
+    assert recording.tracks["x"][0] == first
+
+
+@pytest.mark.parametrize("sure", ["0.5", '"1,234.5"', "1,234,567"])
+def test_commas_part_thousands_where_another_number_tells(tmp_path, sure):
+    text = DOUBTFUL.replace("7;0;", f"{sure};7;0;").replace("\n7;", "\n1;7;").replace("1,800", "2")
+    (tmp_path / "a.csv").write_text(f"other;{text}")
+    assert read_any(tmp_path / "a.csv")[0].tracks["x"][0] == 28_000
+
+
+def test_a_guided_start_asks_what_commas_part(tmp_path):
+    (tmp_path / "a.csv").write_text(DOUBTFUL)
+    with pytest.raises(FormatError, match="x: found '28,000': does its comma part thousands or decimals"):
+        sample_of_head(look(tmp_path / "a.csv"))
+
+
 def test_bars_between_columns_are_read(tmp_path):
     (tmp_path / "a.csv").write_text(PLAIN.replace(",", "|"))
     assert read_any(tmp_path / "a.csv")[1].rows == 20
@@ -104,8 +138,5 @@ def test_names_of_whole_numbers_are_told_however_they_are_written(written, name)
 
 
 def test_a_guided_start_reads_thousands_too(tmp_path):
-    from rampcast.formats.files.head import look
-    from rampcast.start.sample import sample_of_head
-
     (tmp_path / "a.csv").write_text('id,x,y\n1,"1,000.5",2\n2,999.5,3\n')
     assert sample_of_head(look(tmp_path / "a.csv")).table["x"].equals(pl.Series("x", [1000.5, 999.5]))

@@ -8,7 +8,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import SIZE, Head
 from rampcast.formats.files.sources import open_source
-from rampcast.formats.tables.thousands import GROUPED, has_decimal_commas
+from rampcast.formats.tables.thousands import GROUPED, has_decimal_commas, has_decimal_points, in_doubt
 
 BYTES = 24 << 20  # of a csv that are looked at: some 300,000 rows
 ROWS = 300_000
@@ -62,7 +62,18 @@ def sample_of_head(head: Head) -> Sample:
         io.BytesIO(rows), separator=head.header.separator, has_header=False, new_columns=[*head.header.names],
         infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
     )  # fmt: skip
+    if not comma and not has_decimal_points(head):
+        _check_commas(head.name, table)
     return Sample(head.name, table.select(_typed(column, comma) for column in table), head.header.separator, comma)
+
+
+def _check_commas(name: str, table: pl.DataFrame) -> None:
+    """Raises if numbers of a table have commas that may part thousands or decimals."""
+    for column in table:
+        cells = column.str.strip_chars(' "')
+        doubtful = cells.filter(cells.str.contains(GROUPED))
+        if doubtful.len():
+            raise FormatError(f"{name}: {column.name}: {in_doubt(doubtful[0])}")
 
 
 def _typed(column: pl.Series, decimal_comma: bool) -> pl.Series:

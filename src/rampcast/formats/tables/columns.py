@@ -136,11 +136,19 @@ class Part:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the wanted columns stand in a csv: (index, column) in the file's order."""
+    """Where the wanted columns stand in a csv: (index, column) in the file's order.
+
+    Attributes:
+        file: its name for messages.
+        header: of the file.
+        wanted: the columns and where they stand.
+        may_group: whether numbers may have thousands separators.
+    """
 
     file: str
     header: Header
     wanted: tuple[tuple[int, Column], ...]
+    may_group: bool = True
 
     @cached_property
     def separator(self) -> bytes:
@@ -164,8 +172,13 @@ class Layout:
 
     @cached_property
     def groupable(self) -> list[str]:
-        """Returns our names of the columns that may have thousands separators: in quotes, so only of a csv."""
-        return [column.name for column in self.kept if not column.is_text and self.separator != b" "]
+        """Returns our names of the columns that may have thousands separators."""
+        return [column.name for column in self.kept if not column.is_text and self.may_group]
+
+    @property
+    def style(self) -> bool | None:
+        """Returns whether columns of which no number has told have thousands separators; None where none can tell."""
+        return False if self.may_group or self.separator == b" " else None
 
     @cached_property
     def others(self) -> list[tuple[int, Column]]:
@@ -255,13 +268,13 @@ def with_keys(table: pl.DataFrame, keys: Sequence[str], others: Sequence[Column]
     return kept, Counter({one.of_others: count for one, count in zip(others, counts, strict=True) if count})
 
 
-def read_cell(cell: str, column: Column, is_grouped: bool = False) -> tuple[float | int | str | None, str]:
+def read_cell(cell: str, column: Column, is_grouped: bool | None = False) -> tuple[float | int | str | None, str]:
     """Returns the value in a cell and "", or None and what is wrong with it.
 
     Args:
         cell: without spaces around it.
         column: what is wanted of it.
-        is_grouped: whether large numbers of the column have thousands separators.
+        is_grouped: whether large numbers of the column have thousands separators; None where nothing can tell.
     """
     shown = f"'{cell[:SHOWN]}'"
     if not cell or (column.may_be_blank and cell.lower() == "nan" and not column.is_text):

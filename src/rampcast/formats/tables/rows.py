@@ -20,7 +20,7 @@ from rampcast.formats.tables.blanks import as_csv
 from rampcast.formats.tables.columns import Column, Layout, Part, Rows, advice, missing, other_rows, place_of, with_keys
 from rampcast.formats.tables.rows_careful import parse_carefully
 from rampcast.formats.tables.rows_typed import read_typed
-from rampcast.formats.tables.thousands import has_decimal_commas, large
+from rampcast.formats.tables.thousands import has_decimal_commas, has_decimal_points, large
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
 BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
@@ -104,7 +104,7 @@ def _layout(head: Head, columns: Sequence[Column]) -> Layout:
             raise FormatError(f"{where}: {missing(column, header.names)}")
         if index is not None:
             wanted.append((index, column))
-    return Layout(name, header, tuple(sorted(wanted, key=lambda pair: pair[0])))
+    return Layout(name, header, tuple(sorted(wanted, key=lambda pair: pair[0])), has_decimal_points(head))
 
 
 def _parse(chunk: bytes, layout: Layout) -> tuple[int, Part | None]:

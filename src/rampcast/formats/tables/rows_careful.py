@@ -182,7 +182,7 @@ def _read_cells(cells: list[str], layout: Layout, styles: Mapping[str, bool]) ->
     row: Cells = {}
     for index, column in layout.wanted:
         if column.only is None and not column.of_others:
-            row[column.name], reason = read_cell(cells[index].strip(), column, styles.get(column.name, False))
+            row[column.name], reason = read_cell(cells[index].strip(), column, styles.get(column.name, layout.style))
             if reason:
                 return {}, (index + 1, f"{layout.header.names[index]}: {reason}")
     return row, None

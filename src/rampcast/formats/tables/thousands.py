@@ -13,6 +13,10 @@ GROUPED = r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?$"
 UNGROUPED = r"^[+-]?\d{4}"  # how a large number without one begins
 
 DECIMAL_COMMA = re.compile(rb"(?:^|[;\t\n])\"?[+-]?\d+,\d+(?:[eE][+-]?\d+)?\"?(?=[;\t\r\n])")
+# A number that only a decimal point can be in: "1,234.5" and "70.5", or one that has two separators, as "1,234,567".
+POINT = re.compile(
+    rb"(?:^|[;|\t\n])\"?[+-]?(?:\d[\d,]*\.\d+(?:[eE][+-]?\d+)?|[1-9]\d{0,2}(?:,\d{3}){2,})\"?(?=[;|\t\r\n]|$)"
+)
 THOUSANDS = re.compile(rb"^[;\t\n]?\"?[+-]?[1-9]\d{0,2},\d{3}\"?$")  # may be either
 
 
@@ -26,14 +30,35 @@ def has_decimal_commas(head: Head) -> bool:
     return any(not THOUSANDS.match(cell) for cell in DECIMAL_COMMA.findall(head.text))
 
 
-def without_separators(cell: str, is_grouped: bool) -> tuple[str, str]:
+def has_decimal_points(head: Head) -> bool:
+    """Returns whether a comma in a number of a csv can only part thousands: one in quotes between commas, or by others.
+
+    Between semicolons, tabs and bars "28,000" alone may as well be 28 with three decimals.
+    """
+    header = head.header
+    if header is None or header.decimal or header.separator == " ":
+        return header is not None and header.decimal == "." and header.separator != " "
+    return header.separator == "," or bool(POINT.search(head.text))
+
+
+def in_doubt(cell: str) -> str:
+    """Returns what is wrong with a number whose comma may part thousands or decimals, and what to do."""
+    return (
+        f"found '{cell[:40]}': does its comma part thousands or decimals? Write it without the comma, or say "
+        'decimal = "," or "." in a mapping (docs/formats/plain.md)'
+    )
+
+
+def without_separators(cell: str, is_grouped: bool | None) -> tuple[str, str]:
     """Returns a number without separators and "", or what is wrong with those it has, or has not.
 
     Args:
         cell: the number.
-        is_grouped: whether the large numbers of its column have some.
+        is_grouped: whether the large numbers of its column have some; None where a comma may stand before decimals too.
     """
     shown = f"'{cell[:40]}'"
+    if is_grouped is None and re.match(GROUPED, cell):
+        return cell, in_doubt(cell)
     if "," in cell and not re.match(GROUPED, cell):
         return cell, f"expected a number, found {shown}; write decimals with a point and thousands without a comma"
     if "," in cell and not is_grouped:
