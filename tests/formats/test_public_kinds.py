@@ -238,7 +238,7 @@ def test_interactions_tracks_without_agent_type_are_cars(tmp_path):
     assert set(recording.tracks[c.KIND]) == {"car"}
 
 
-@pytest.mark.parametrize("name", ["car", "Car", "TRUCK", ""])
+@pytest.mark.parametrize("name", ["car", "Car", "TRUCK", "", "nan", "NaN"])
 @pytest.mark.parametrize("ids", [lambda k: f"{k}", lambda k: f"{k}.0", lambda k: f"veh-{k}"])
 def test_interactions_ids_may_be_words_and_its_types_be_in_capitals_or_blank(tmp_path, ids, name):
     head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width\n"
@@ -251,6 +251,37 @@ def test_interactions_ids_may_be_words_and_its_types_be_in_capitals_or_blank(tmp
     )
     assert (recording.tracks[c.VEHICLE].n_unique(), report.rows, report.rows_not_vehicles) == (2, 18, 9)
     assert set(recording.tracks[c.KIND]) == {"truck" if name == "TRUCK" else "car"}
+    assert report.kinds_filled == (18 if name.lower() in ("", "nan") else 0)
+
+
+def interaction_with_ids(folder: Path, *ids: str) -> Path:
+    head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width\n"
+    rows = [
+        f"{name},{k},{100 * k},car,{100 + 2 * k},{50 + 4 * n},20,0,0,4.5,1.8"
+        for k in range(20)
+        for n, name in enumerate(one.split("|")[k // 10 % len(one.split("|"))] for one in ids)
+    ]
+    return written(folder, "vehicle_tracks_000.csv", head + "\n".join(rows) + "\n")
+
+
+@pytest.mark.parametrize("ids", [("1|1.0", "2|2.0", "3"), ("1|1.0", "2", "veh-3")])
+def test_an_id_of_interaction_written_in_two_ways_is_one_vehicle(tmp_path, ids):
+    recording, _ = read_any(interaction_with_ids(tmp_path, *ids))
+    assert recording.tracks[c.VEHICLE].unique().sort().to_list() == [1, 2, 3]
+    assert recording.tracks[c.VEHICLE].value_counts()["count"].to_list() == [20, 20, 20]
+
+
+@pytest.mark.parametrize("odd", ["-1", "2.5", "nan", "inf"])
+def test_ids_of_interaction_that_no_vehicle_has_among_numbers_are_refused_or_skipped(tmp_path, odd):
+    path = interaction_with_ids(tmp_path, "1", odd, "3")
+    with pytest.raises(FormatError, match=rf"row 2: track_id: expected a whole number, .* found '{odd}'\. Mend the"):
+        read_any(path)
+    recording, report = read_any(path, bad_rows="skip")
+    assert (recording.tracks[c.VEHICLE].n_unique(), report.rows, report.rows_skipped) == (2, 40, 20)
+
+
+def test_a_number_among_ids_of_interaction_that_are_words_is_a_word(tmp_path):
+    assert read_any(interaction_with_ids(tmp_path, "a", "-1", "b"))[1].vehicles_renumbered == 3
 
 
 @pytest.mark.parametrize("as_parquet", [False, True])
@@ -276,8 +307,15 @@ def test_two_places_whose_ids_are_alike_are_refused(tmp_path, are_files):
     )
     tables = [here, far] if are_files else [[*here, *far]]
     files = [written(tmp_path, f"{k}.csv", head + "\n".join(rows) + "\n") for k, rows in enumerate(tables)]
-    with pytest.raises(FormatError, match=r"120 of 240 rows put a vehicle elsewhere .* files of two places"):
+    with pytest.raises(
+        FormatError, match=r"120 of 240 rows put a vehicle elsewhere .* one id for several veh"
+    ) as raised:
         read_any(files)
+    assert ("files of two places" in str(raised.value)) is are_files
+    assert ("Read each file by itself" in str(raised.value)) is are_files
+    recording, report = read_any(files, bad_rows="skip")
+    assert (report.rows, report.conflicting_duplicates) == (120, 120)
+    assert examine(recording, report).finding("conflicting_duplicates").count == 120
     assert read_any([written(tmp_path, "here.csv", head + "\n".join(here) + "\n")])[1].rows == 120
 
 

@@ -113,23 +113,28 @@ def _read(
     if mapping is None:
         entry = format_of(heads, format)
         found = entry.read(heads, site, bad_rows)
-        return found if entry.convert is not None else _cut(*_agreeing(*found))  # those cut as they do part by part
+        return (
+            found if entry.convert is not None else _cut(*_agreeing(*found, bad_rows))
+        )  # those cut as they do part by part
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
-    return _cut(*_agreeing(*read_mapped(heads, load_mapping(mapping), site, bad_rows)))
+    return _cut(*_agreeing(*read_mapped(heads, load_mapping(mapping), site, bad_rows), bad_rows))
 
 
-def _agreeing(recordings: Recordings, report: ReadReport) -> tuple[Recordings, ReadReport]:
-    """Returns what reading found, if its rows agree where vehicles are.
+def _agreeing(recordings: Recordings, report: ReadReport, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
+    """Returns what reading found, if its rows agree where vehicles are, or those that do not are to be skipped.
 
     Raises:
         FormatError: many rows put a vehicle elsewhere than another row of the same moment.
     """
-    if report.conflicting_duplicates > max(FEW, CONFLICTS * report.rows_read):
+    if bad_rows is BadRows.RAISE and report.conflicting_duplicates > max(FEW, CONFLICTS * report.rows_read):
+        many = len(report.files) > 1
+        cause = "files of two places, or one id for several vehicles" if many else "one id for several vehicles"
+        what = "Read each file by itself, or give" if many else "Give"
         raise FormatError(
             f"{', '.join(report.files)}: {report.conflicting_duplicates:,} of {report.rows_read:,} rows put a vehicle "
-            "elsewhere than another row of the same vehicle and moment: files of two places, or one id for several "
-            "vehicles. Read each file by itself, or give every vehicle an id of its own"
+            f"elsewhere than another row of the same vehicle and moment: {cause}. {what} every vehicle an id of its "
+            "own; --skip-bad-rows keeps the first row of each (bad_rows=BadRows.SKIP), as `rampcast doctor` does"
         )
     return recordings, report
 

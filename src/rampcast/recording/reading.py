@@ -55,6 +55,7 @@ class ReadReport:
         rows_off_road: rows left out because they lie on no lane of the site, as those of the opposite carriageway.
         rows_without_lane: rows kept beside the site's lanes, with lane 0.
         sizes_filled: rows whose length or width was missing or zero and is now that of their kind.
+        kinds_filled: rows of INTERACTION whose kind was missing; they are of cars.
         rows_not_vehicles: rows of pedestrians, cyclists and things that stand still, left out.
         vehicles_renumbered: vehicles whose id was no whole number and is now one, in the order of the old ids.
         rows_off_frames: rows whose time lay on no frame of their own; rows interpolated to the frames stand for them.
@@ -78,6 +79,7 @@ class ReadReport:
     rows_off_road: int = 0
     rows_without_lane: int = 0
     sizes_filled: int = 0
+    kinds_filled: int = 0
     rows_not_vehicles: int = 0
     vehicles_renumbered: int = 0
     rows_off_frames: int = 0

@@ -17,7 +17,15 @@ from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
 from rampcast.formats.steps.places import different_names, one_place
-from rampcast.formats.steps.vehicles import KINDS, front_centre, whole_ids, with_sizes, without_vehicles
+from rampcast.formats.steps.vehicles import (
+    KINDS,
+    front_centre,
+    whole_ids,
+    whole_names,
+    with_sizes,
+    without_odd_numbers,
+    without_vehicles,
+)
 from rampcast.formats.tables.columns import SHOWN, Column, Rows
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
@@ -30,6 +38,7 @@ from rampcast.sites import Site
 TURN = 6.2832  # [rad] a little above two pi
 SCENARIO = re.compile(r"(DR|TC)_[A-Z]{3}_[A-Za-z]+_[A-Z]{2}")  # from a drone or a traffic camera; country, kind, place
 NUMBER = re.compile(r"\d+$")  # of vehicle_tracks_000
+BLANK = "nan"  # as pandas writes it
 NOT_VEHICLES = ("pedestrian", "bicycle", "pedestrian/bicycle", "person", "cyclist")
 
 COLUMNS = (
@@ -77,7 +86,9 @@ def _place(paths: Sequence[Path]) -> str:
 
 def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, ReadReport]:
     """Returns the rows of a file in its plane, its time step [s], and what reading found."""
-    rows, others = _vehicles(read_rows(head, COLUMNS, bad_rows=bad_rows))
+    rows, others, cars = _vehicles(read_rows(head, COLUMNS, bad_rows=bad_rows))
+    rows = replace(rows, table=rows.table.with_columns(whole_names(rows.table["id"]).alias("id")))
+    rows = without_odd_numbers(rows, "track_id", bad_rows)
     ids, renumbered = whole_ids(rows.table["id"])
     rows = replace(rows, table=rows.table.with_columns(ids.alias("id")))
     reason = "its heading psi_rad is missing. Mend the file"
@@ -94,30 +105,33 @@ def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, Read
         vehicles_renumbered=renumbered,
         clock_slips=slips,
         sizes_filled=filled,
+        kinds_filled=cars,
     )
     return _in_plane(table, found.group() if found else head.path.stem), time_step, report
 
 
-def _vehicles(rows: Rows) -> tuple[Rows, int]:
-    """Returns the rows of vehicles, with their kind, and how many were of pedestrians and cyclists."""
+def _vehicles(rows: Rows) -> tuple[Rows, int, int]:
+    """Returns the rows of vehicles, with their kind, how many others there were, and how many of no type, now cars."""
+    car = pl.lit("car", PLANE_SCHEMA[c.KIND])
     if "type" not in rows.table.columns:
-        return replace(rows, table=rows.table.with_columns(pl.lit("car", PLANE_SCHEMA[c.KIND]).alias(c.KIND))), 0
+        return replace(rows, table=rows.table.with_columns(car.alias(c.KIND))), 0, rows.table.height
     types = rows.table["type"].unique().drop_nulls()
     words = types.cast(pl.String)
-    unknown = words.filter(~words.str.to_lowercase().is_in([*KINDS, *NOT_VEHICLES])).sort()
+    lower = words.str.to_lowercase()
+    unknown = words.filter(~lower.is_in([*KINDS, *NOT_VEHICLES, BLANK])).sort()
     if unknown.len():
         raise FormatError(
             f"{rows.file}: there is an agent_type '{unknown[0][:SHOWN]}'; expected one of "
             f"{', '.join((*KINDS, *NOT_VEHICLES))}"
         )
-    kinds = words.str.to_lowercase().replace_strict(KINDS, default=None, return_dtype=PLANE_SCHEMA[c.KIND])
-    kind = translated(rows.table["type"], types, kinds).alias(c.KIND)
-    car = pl.lit("car", PLANE_SCHEMA[c.KIND])
-    table = rows.table.with_columns(pl.when(pl.col("type").is_null()).then(car).otherwise(kind).alias(c.KIND))
+    kinds = lower.replace_strict(KINDS, default=None, return_dtype=PLANE_SCHEMA[c.KIND])
+    kind = translated(rows.table["type"], types, kinds)
+    is_blank = translated(rows.table["type"], types, lower == BLANK).fill_null(True)
+    table = rows.table.with_columns(pl.when(is_blank).then(car).otherwise(kind).alias(c.KIND))
     vehicles = table.drop_nulls(c.KIND) if table[c.KIND].has_nulls() else table
     if vehicles.is_empty():
         raise FormatError(f"{rows.file}: it holds no vehicles, only {', '.join(words.sort())}")
-    return replace(rows, table=vehicles), table.height - vehicles.height
+    return replace(rows, table=vehicles), table.height - vehicles.height, int(is_blank.sum())
 
 
 def _in_plane(table: pl.DataFrame, name: str) -> pl.DataFrame:

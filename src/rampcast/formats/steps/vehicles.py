@@ -1,12 +1,13 @@
 """What readers of several sources need of vehicles: whole ids, kinds, sizes where they are missing, front centres."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.tables.columns import Rows
+from rampcast.formats.tables.columns import Rows, advice
+from rampcast.formats.tables.thousands import whole_name
 from rampcast.recording import columns as c
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 from rampcast.recording.translation import translated
@@ -30,6 +31,47 @@ def whole_ids(names: pl.Series) -> tuple[pl.Series, int]:
     is_whole = is_whole and bool((numbers == numbers.round()).all())
     ids = numbers if is_whole else pl.Series(range(1, unique.len() + 1))
     return translated(names, unique, ids.cast(pl.Int32)), 0 if is_whole else unique.len()
+
+
+def whole_names(names: pl.Series) -> pl.Series:
+    """Returns names with those of whole numbers written one way: `1`, `1.0` and `1e0` are one vehicle."""
+    names = names.cast(pl.Categorical())
+    unique = names.unique().drop_nulls()
+    words = [whole_name(name) for name in unique.cast(pl.String)]
+    return translated(names, unique, pl.Series(words, dtype=pl.Categorical()))
+
+
+def without_odd_numbers(rows: Rows, spelling: str, bad_rows: BadRows) -> Rows:
+    """Returns the rows without those whose name is a negative or broken number, where most names are numbers.
+
+    Args:
+        rows: with a column id of names.
+        spelling: of that column in the file.
+        bad_rows: whether to raise an error or to skip and count them.
+
+    Raises:
+        FormatError: there is one and they are not to be skipped, or there is no other row.
+    """
+    unique = rows.table["id"].unique().drop_nulls()
+    numbers = unique.cast(pl.String).cast(pl.Float64, strict=False)
+    is_odd = (~numbers.is_finite() | (numbers < 0) | (numbers != numbers.round())).fill_null(False)
+    if 2 * numbers.null_count() >= unique.len() or not is_odd.any():
+        return rows
+    is_bad = rows.table["id"].is_in(unique.filter(is_odd).implode())
+    first = rows.table["id"].to_frame().with_row_index("row").filter(is_bad).head(MOST_LISTED)
+    faults = [
+        BadRow(
+            rows.file,
+            row + 1,
+            0,
+            f"{spelling}: expected a whole number, 0 or more, as others are, found '{name}'",
+            "row",
+        )
+        for row, name in first.iter_rows()
+    ]
+    if bad_rows is BadRows.RAISE or is_bad.all():
+        raise FormatError(advice(faults[0]))
+    return _without(rows, is_bad, faults)
 
 
 def with_sizes(rows: pl.DataFrame) -> tuple[pl.DataFrame, int]:
@@ -75,9 +117,14 @@ def without_vehicles(rows: Rows, is_bad: pl.Series, reason: str, bad_rows: BadRo
     faults = [BadRow(rows.file, vehicle, 0, reason, "vehicle") for vehicle in listed]
     if bad_rows is BadRows.RAISE or is_bad.all():
         raise FormatError(f"{faults[0]}. Rows of such vehicles are skipped with --skip-bad-rows")
+    return _without(rows, is_bad, faults)
+
+
+def _without(rows: Rows, is_bad: pl.Series, faults: Sequence[BadRow]) -> Rows:
+    """Returns the rows without the bad ones, which are counted, and some listed."""
     return replace(
         rows,
         table=rows.table.filter(~is_bad),
         faults=(*rows.faults, *faults)[:MOST_LISTED],
-        faults_counted=rows.faults_counted + vehicles.len(),
+        faults_counted=rows.faults_counted + int(is_bad.sum()),
     )
