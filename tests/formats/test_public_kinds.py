@@ -362,6 +362,13 @@ def test_wrong_feet_are_found_in_metres_with_four_decimals_too(foot, found):
     assert (examine(recording_of(np.round(feet * foot, 4), range(200))).finding("feet") is not None) is found
 
 
+@pytest.mark.parametrize("pixel", [0.0375, 0.0465, 0.0333, 0.0155, 0.0775, 0.0248, 0.0304, 0.0462])
+def test_whole_pixels_in_metres_are_no_feet(pixel):
+    pixels = np.round((40.0 + 4.321 * np.arange(400) + 0.3 * np.sin(np.arange(400))) / pixel)
+    pixels[::50] += 0.37  # a few that were filled in
+    assert examine(recording_of(pixels * pixel, range(400))).finding("feet") is None
+
+
 @pytest.mark.parametrize("limit", [27.78, 36.11])
 def test_the_speed_limit_of_exid_is_in_metres_per_second(tmp_path, limit):
     sample = samples()["exid"]

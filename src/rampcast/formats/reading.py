@@ -113,9 +113,9 @@ def _read(
     if mapping is None:
         entry = format_of(heads, format)
         found = entry.read(heads, site, bad_rows)
-        return (
-            found if entry.convert is not None else _cut(*_agreeing(*found, bad_rows))
-        )  # those cut as they do part by part
+        if entry.convert is not None:  # those cut as they do part by part
+            return found
+        return _cut(*_agreeing(*found, bad_rows))
     if format not in (None, "plain"):
         raise FormatError(f"a mapping describes a plain table: leave out the format '{format}', or the mapping")
     return _cut(*_agreeing(*read_mapped(heads, load_mapping(mapping), site, bad_rows), bad_rows))

@@ -33,6 +33,8 @@ WRONG_FEET = (
 )  # [m] slips of the pen for 0.3048, and roundings
 MOST_WHOLE = 0.95  # of values that are whole thousandths of a foot: by chance a tenth is
 WHOLE = 0.05  # of a thousandth: metres rounded to a tenth of a millimetre are still told
+FINEST = 10  # thousandths of a foot that positions may be apart; in a coarser grid they are pixels
+COARSEST = 1000  # likewise: pixels of a foot, and their multiples
 NEAR = 3.0  # [m] nearer to 0 one foot is as good as another
 MOST_FEET = 20_000  # positions that are looked at
 RATIO = (0.8, 1.25)  # of recorded to derived speed; beyond, and in no known unit, the time step is wrong
@@ -82,6 +84,8 @@ def feet(subject: Subject) -> Faults | NotAssessed:
     foot, parts = max(whole, key=lambda one: whole[one])
     if whole[foot, parts] < MOST_WHOLE or any(_share_whole(x / unit, parts) >= MOST_WHOLE for unit in (FOOT, 1.0)):
         return Faults(no_places(), of=1, count=0)
+    if _is_of_pixels(x / foot):
+        return Faults(no_places(), of=1, count=0)
     off = 100 * (foot / FOOT - 1)
     detail = (
         f"{whole[foot, parts]:.1%} of x are whole {PARTS[parts]} of a foot of {foot:g} m: all positions are "
@@ -94,6 +98,12 @@ def _share_whole(values: Float[np.ndarray, "position"], parts: int) -> float:
     """Returns which share of values are whole parts, as thousandths, as far as a tenth of them tells."""
     counts = values * parts
     return float(np.mean(np.abs(counts - np.rint(counts)) < WHOLE))
+
+
+def _is_of_pixels(values: Float[np.ndarray, "position"]) -> bool:
+    """Returns whether nearly all values are whole steps of more thousandths than positions in feet lie apart."""
+    counts = np.rint(1000 * values).astype(np.int64)
+    return any(np.mean(counts % step == 0) >= MOST_WHOLE for step in range(FINEST + 1, COARSEST + 1))
 
 
 def _car_length(subject: Subject) -> Iterator[_Measured]:
