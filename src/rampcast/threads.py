@@ -1,7 +1,8 @@
 """How many threads rampcast works with: what the caller says, else RAMPCAST_THREADS, else one for each core.
 
 This is about the pools that rampcast itself makes. XLA, polars and BLAS have pools of their own, with switches of their
-own, which rampcast leaves as it finds them.
+own, which rampcast leaves as it finds them, but for the processes that `rampcast.batch` begins: there it sets
+POLARS_MAX_THREADS, where the user did not, so that they share the cores.
 """
 
 import os

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -200,8 +201,27 @@ def test_a_wrong_plan_is_refused_with_what_is_wrong(folder, text, reason):
     plan.unlink()
 
 
-def test_no_scheduler_is_told(folder, tmp_path):
+@pytest.mark.parametrize(("files", "window", "threads"), [(1, 0.0, 16), (2, 0.0, 8), (2, 300.0, 1)])
+def test_processes_that_no_task_is_for_have_no_share_of_the_threads(
+    folder, tmp_path, monkeypatch, files, window, threads
+):
+    shares = []
+
+    class Pool(ProcessPoolExecutor):
+        def __init__(self, *of, initargs, **how):
+            shares.append(initargs)
+            super().__init__(*of, initargs=initargs, **how)
+
+    monkeypatch.setattr(running_module, "thread_count", lambda: 16)
+    monkeypatch.setattr(running_module, "ProcessPoolExecutor", Pool)
+    plan = plan_of_files([folder / f"window{number + 1}.parquet" for number in range(files)], tmp_path, window=window)
+    with running_module._here_of(plan, 16):
+        assert shares == [(threads,)]
+
+
+def test_no_scheduler_is_told_and_no_processes_are_begun(folder, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra [cluster]")
+    monkeypatch.setattr(running_module, "ProcessPoolExecutor", None)
     with pytest.raises(RampcastError, match="no Dask scheduler answers there"):
         batch(plan_of_files([folder / "window1.parquet"], tmp_path), scheduler="nonsense://there")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rampcast.forecast.roll_out import Manners, begin, drawn_drivers, drive, drive_waiting
+from rampcast.forecast.roll_out import Manners, begin, drawn_drivers, drive, drive_waiting, sharing
 from rampcast.forecast.roll_out_arrays import Draws, Law
 from rampcast.forecast.roll_out_kernel import drive as kernel_drive
 from rampcast.horizon import FUTURE
@@ -193,6 +193,14 @@ def test_chances_are_the_same_whatever_the_threads():
     assert found[0].max() > 0.0
     np.testing.assert_array_equal(found[1], found[0])
     np.testing.assert_array_equal(found[2], found[0])
+
+
+@pytest.mark.parametrize("samples", [0, 1, 7])
+def test_shares_are_all_samples_once_whatever_the_threads(samples):
+    for threads in (1, 2, 3, 8):
+        with choosing_threads(threads):
+            shares = sharing(lambda task: task, 2, samples)
+        assert [one for *_, low, high in shares for one in range(low, high)] == list(range(samples))
 
 
 def _four():

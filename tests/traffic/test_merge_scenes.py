@@ -1,12 +1,17 @@
 """Merge scenes: who is in the target lane, where the own lane ends, and where the line is, by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
 
+from rampcast.errors import RecordingError
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
+from rampcast.traffic.around import merge_scenes_at
 from rampcast.traffic.merge_scenes import BEHIND, TARGET_PLACES, build_merge_scenes, without_target
+from rampcast.traffic.moments import traffic
 from rampcast.traffic.platoons import HISTORY, PLACES
 from tests.factories import TEST_SITE
 
@@ -114,3 +119,12 @@ def test_platoons_alone_have_nobody_in_a_target_lane(scenes):
     assert not found.may_merge.any()
     assert not found.target.present.any()
     assert np.isnan(found.offset).all()
+
+
+def test_a_vehicle_that_was_lost_too_long_ago_has_no_scene(recording):
+    now = traffic(recording, at=0.1 * AT)
+    lost = replace(now, age=np.where(now.vehicle == 3, 1.5, now.age))
+    others = np.flatnonzero(now.vehicle != 3)
+    assert len(merge_scenes_at(lost, others).to_end) == len(VEHICLES) - 1
+    with pytest.raises(RecordingError, match="seen within 1 s before t0, vehicle 3 was not"):
+        merge_scenes_at(lost, np.arange(len(now.vehicle)))

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -24,6 +24,7 @@ from rampcast.files import check_folder
 from rampcast.threads import thread_count
 
 Tell = Callable[[str, int, int], None]
+Each = Callable[[Sequence[Task]], Iterator[Record]]
 TRIES: Final = 2  # times that a task may be running when its process dies before it is held to be the reason
 DEAD: Final = "its process was killed each time, as by a machine without memory left; try the file by itself"
 
@@ -49,9 +50,7 @@ def batch(
         raise RampcastError("a batch without files: name some, or patterns as 'data/*.csv'")
     check_folder(plan.out)
     tell = progress or (lambda what, done, total: None)
-    count = processes or os.cpu_count() or 1
-    with _pool(count) as pool:  # one for files and parts, since a process takes seconds to begin
-        each = partial(_on_cluster, scheduler=scheduler) if scheduler else partial(_here, processes=count, pool=pool)
+    with nullcontext(partial(_on_cluster, scheduler=scheduler)) if scheduler else _here_of(plan, processes) as each:
         files = _records("files", [Task(file, plan) for file in plan.files], each, tell)
         cut = [part for record in files for part in parts_of(record, plan)] if plan.window else []
         parts = _records("parts", cut, each, tell) if plan.window else []
@@ -61,9 +60,17 @@ def batch(
     return replace(done, files=(*done.files, page))
 
 
-def _records(
-    what: str, tasks: Sequence[Task], each: Callable[[Sequence[Task]], Iterator[Record]], tell: Tell
-) -> list[Record]:
+@contextmanager
+def _here_of(plan: Plan, processes: int | None) -> Iterator[Each]:
+    """Gives what yields the records of tasks that processes of this machine do; see `batch`."""
+    count = processes or os.cpu_count() or 1
+    if not plan.window:
+        count = min(count, len(plan.files))  # each is one task, and other processes would have none
+    with _pool(count) as pool:  # one for files and parts, since a process takes seconds to begin
+        yield partial(_here, processes=count, pool=pool)
+
+
+def _records(what: str, tasks: Sequence[Task], each: Each, tell: Tell) -> list[Record]:
     """Returns the records of tasks; what was done before is no part of what is told, whose speed tells the time left.
 
     Args:

@@ -38,7 +38,7 @@ def moment_parts(
         every: time between two moments [s].
 
     Raises:
-        RecordingError: the raw recording is not there or shorter than 4 s, or `every` is not above 0.
+        RecordingError: the raw recording is not there or shorter than 4 s, or `every` is below `SHORTEST_STEP`.
     """
     raw = _raw_of(recording)
     frame = pl.col(c.FRAME)

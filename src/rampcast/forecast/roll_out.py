@@ -300,7 +300,7 @@ def sharing(work: Callable[[Task], Result], moments: int, samples: int) -> list[
     if moments >= 4 * threads:
         edges = np.linspace(0, moments, threads + 1).astype(int).tolist()
         return in_threads(work, [(low, high, 0, samples) for low, high in itertools.pairwise(edges)])
-    parts = min(threads, samples)
+    parts = max(1, min(threads, samples))
     edges = [samples * part // parts for part in range(parts + 1)]
     return in_threads(work, [(0, moments, low, high) for low, high in itertools.pairwise(edges)])
 

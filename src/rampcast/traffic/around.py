@@ -29,6 +29,9 @@ def merge_scenes_at(traffic: Traffic, vehicles: Int[np.ndarray, "scene"]) -> Mer
     Args:
         traffic: of one moment.
         vehicles: places in `traffic.vehicle`.
+
+    Raises:
+        RecordingError: one of them was lost for more than `LOST`.
     """
     site = traffic.site
     known = traffic.valid[:, -1] & (traffic.age <= LOST)
@@ -42,9 +45,7 @@ def merge_scenes_at(traffic: Traffic, vehicles: Int[np.ndarray, "scene"]) -> Mer
         rows = np.flatnonzero(lane[vehicles] == number)
         queue = _from_upstream(x, known & (lane == number))
         # the next ones ahead of the vehicle's own place; abreast, the one with the higher place in the queue
-        place_in_queue = np.zeros(len(x), np.int64)
-        place_in_queue[queue] = np.arange(len(queue))
-        place = place_in_queue[vehicles[rows]]
+        place = _places_in(queue, vehicles[rows], traffic)
         own[rows], there[rows] = _taken(queue, place[:, None] + np.arange(PLACES))
     if on_ramp.any():
         queue = _from_upstream(x, known & (lane == site.target_lane))
@@ -89,6 +90,19 @@ def _from_upstream(x: Float[np.ndarray, "vehicle"], chosen: Bool[np.ndarray, "ve
     """Returns the chosen vehicles in the order of their places."""
     rows = np.flatnonzero(chosen)
     return rows[np.argsort(x[rows], kind="stable")]
+
+
+def _places_in(
+    queue: Int[np.ndarray, "place"], vehicles: Int[np.ndarray, "scene"], traffic: Traffic
+) -> Int[np.ndarray, "scene"]:
+    """Returns the places of vehicles, of which none was lost, in the queue of their lane."""
+    places = np.full(len(traffic.vehicle), -1, np.int64)  # of who is not in it
+    places[queue] = np.arange(len(queue))
+    place = places[vehicles]
+    if place.min() < 0:
+        lost = traffic.vehicle[vehicles[place < 0][0]]
+        raise RecordingError(f"expected vehicles seen within {LOST:g} s before t0, vehicle {lost} was not")
+    return place
 
 
 def _taken(

@@ -112,7 +112,7 @@ def moments(recording: Recording, *, every: float = 1.0, window: str | None = No
         window: its name; needed where the recording has several.
 
     Raises:
-        RecordingError: as for `traffic`, or `every` is not above 0.
+        RecordingError: as for `traffic`, or `every` is below `SHORTEST_STEP`.
     """
     yield from traffic_at_times(recording, window, moment_times(recording, every=every, window=window))
 
