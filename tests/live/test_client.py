@@ -34,11 +34,12 @@ def inside():
 
 
 def publish_soon(inside: Inside, count: int) -> None:
-    """Publishes forecasts once somebody watches."""
+    """Publishes forecasts once somebody watches who did not before: who has just left may still be there."""
+    before = set(inside.station.viewers)
 
     def publish() -> None:
         deadline = time.monotonic() + 30.0
-        while not len(inside.station.viewers) and time.monotonic() < deadline:
+        while not set(inside.station.viewers) - before and time.monotonic() < deadline:
             time.sleep(0.02)
         for number in range(count):
             inside.on_loop(lambda number=number: inside.station.viewers.publish("forecast", told(100.0 * number)))
