@@ -321,18 +321,18 @@ def rolled_rows(model: Calibrated, training: Training) -> RolledRows:
     """Returns the roll-outs of the training vehicles, a few moments at a time."""
     parts = []
     for some in _chunks(training):
-        situation, vehicle = some.situation, some.vehicle
-        beginning = begin(model.base.roll_out, situation)
+        situation, vehicle, base = some.situation, some.vehicle, model.base
+        beginning = begin(base.roll_out, situation)
         columns = merge_columns(some.scenes)
-        rate = merge_rates(model.base, beginning, some.scenes, vehicle, columns)
+        rate = merge_rates(base, beginning, some.scenes, vehicle, columns)
         wanted = np.zeros(situation.first[-1], dtype=bool)
         wanted[vehicle] = True
-        place, drawn = np.cumsum(wanted)[vehicle] - 1, {"samples": model.spec.samples, "seed": model.base.seed}
-        driven = drive(model.base.roll_out, beginning, **drawn, rate=rate, wanted=wanted)
+        place = np.cumsum(wanted)[vehicle] - 1
+        driven = drive(base.roll_out, beginning, samples=model.spec.samples, seed=base.seed, rate=rate, wanted=wanted)
         lane = driven.lane[place][:, :, KNOTS]
         counts = np.ones(lane.shape, dtype=bool) if model.beyond else unmerged(situation, vehicle, lane)
         at_knots = driven.x[place][:, :, KNOTS]
-        parts.append(rolled_of(model.base, beginning, some.scenes, vehicle, columns, at_knots, lane, counts))
+        parts.append(rolled_of(base, beginning, some.scenes, vehicle, columns, at_knots, lane, counts))
     return joined(parts)
 
 
