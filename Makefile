@@ -14,8 +14,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MINOR = $(shell sed -n 's/^version = "\([0-9]*\.[0-9]*\).*/\1/p' pyproject.toml)
-# a process for each core, up to four; the tests of a module share what it made
-IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope
+# a process for each core, up to four; the tests of a module share what it made; the longest modules first (tests/conftest.py)
+IN_PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 
 # Where Python is told to keep no bytecode, each run of the tests would compile some 2,500 files again: half its collection.
 unexport PYTHONDONTWRITEBYTECODE

@@ -9,8 +9,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
 import yaml
+from polars.testing import assert_frame_equal
+
+from rampcast.simulate.shipped import shipped_sample
 
 PROJECT = Path(__file__).parents[1]
 OTHER_NAMES = {
@@ -82,3 +86,29 @@ def test_an_index_would_take_the_source_distribution_and_the_wheel(tmp_path):
         "rampcast/pages/batch.md",
         "rampcast/forecast/pretrained/model.json",
     } <= names
+
+
+@pytest.mark.slow
+def test_the_lowest_versions_that_are_allowed_forecast_as_those_that_are_here(tmp_path):
+    lowest = {name: said.removeprefix(">=") for name, said in versions(described()["project"]["dependencies"]).items()}
+    pins = tmp_path / "lowest.txt"
+    pins.write_text("".join(f"{name}=={version}\n" for name, version in lowest.items()), encoding="utf-8")
+    old = with_these_versions(tmp_path / "old", pins)
+    recording = str(shipped_sample()[0])
+    for python, out in ((old, "with old"), (Path(sys.executable), "with new")):
+        called = [python, "-m", "rampcast", "forecast", "--recording", recording, "--every", "60", "--out", out]
+        done = subprocess.run(called, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    for table in ("forecast", "lane_change", "gap", "conflicts"):
+        old_rows, new_rows = (pl.read_parquet(tmp_path / out / f"{table}.parquet") for out in ("with old", "with new"))
+        assert_frame_equal(old_rows, new_rows, abs_tol=1e-6)
+
+
+def with_these_versions(folder: Path, constraints: Path) -> Path:
+    """Returns the Python of a new virtual environment with the project and the versions of a file."""
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    python = folder / "bin" / "python"
+    install = [python, "-m", "pip", "install", "--quiet", "--no-compile", "--constraint", constraints, PROJECT]
+    done = subprocess.run(install, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return python
