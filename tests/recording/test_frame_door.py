@@ -51,3 +51,10 @@ def test_nonsense_is_named_and_its_vehicle_left_out(name, changes):
     assert (breach.vehicle, breach.frame) == ("b", 7)
     assert found.is_believable.tolist() == [True, False, True]
     assert "vehicle b, frame 7" in str(breach)
+
+
+def test_a_vehicle_that_two_sensors_see_is_one_though_another_drives_beside_it():
+    x, y = np.array([50.0, 50.1, 50.2]), np.array([-3.6, -7.2, -3.5])
+    found = frame_door(SITE, [1, 2, 3], x, y)
+    assert [(one.name, one.vehicle) for one in found.breaches] == [("one_place", 3)]
+    assert found.is_believable.tolist() == [True, True, False]

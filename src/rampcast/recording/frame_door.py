@@ -131,7 +131,7 @@ def _of_places(site: Site, x: Values, y: Values) -> Iterator[_Case]:
     yield _Case("far_places", far, x, "positions far beyond the section [m]", f"x from 0 to {site.length:g} m", cause)
     far, cause = (y < low - ASIDE) | (y > high + ASIDE), "swapped axes, a wrong unit, or the wrong reference line"
     yield _Case("far_aside", far, y, "positions far beside the lanes [m]", f"y from {low:g} to {high:g} m", cause)
-    twice, usual = _in_one_place(x, y), f"{SAME_PLACE} m between them at least"
+    twice, usual = _in_one_place(x, y, len(site.lanes)), f"{SAME_PLACE} m between them at least"
     yield _Case("one_place", twice, x, "vehicles in the place of another [m]", usual, "one vehicle with two ids")
 
 
@@ -161,10 +161,12 @@ def _of_lengths(length: Values) -> _Case:
     return _Case("impossible_lengths", wrong, length, "lengths that no vehicle has [m]", usual, cause)
 
 
-def _in_one_place(x: Values, y: Values) -> Bool[np.ndarray, "vehicle"]:
-    """Returns which vehicles are where one before them in the frame is."""
+def _in_one_place(x: Values, y: Values, lanes: int) -> Bool[np.ndarray, "vehicle"]:
+    """Returns which vehicles are where another one is, of whom one is left; beside both drive others, a lane each."""
     order = np.lexsort((y, x))
-    near = (np.diff(x[order]) < SAME_PLACE) & (np.abs(np.diff(y[order])) < SAME_PLACE)
+    x, y = x[order], y[order]
     found = np.zeros(len(x), bool)
-    found[order[1:]] = near
+    for on in range(1, lanes + 1):
+        near = (x[on:] - x[:-on] < SAME_PLACE) & (np.abs(y[on:] - y[:-on]) < SAME_PLACE)
+        found[order[on:]] |= near
     return found
