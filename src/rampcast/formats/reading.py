@@ -129,7 +129,8 @@ def _agreeing(recordings: Recordings, report: ReadReport, bad_rows: BadRows) -> 
     """
     if bad_rows is BadRows.RAISE and report.conflicting_duplicates > max(FEW, CONFLICTS * report.rows_read):
         many = len(report.files) > 1
-        cause = "files of two places, or one id for several vehicles" if many else "one id for several vehicles"
+        cause = "one id for several vehicles, or times that are rounded to more than the time between two rows"
+        cause = f"files of two places, {cause}" if many else cause
         what = "Read each file by itself, or give" if many else "Give"
         raise FormatError(
             f"{', '.join(report.files)}: {report.conflicting_duplicates:,} of {report.rows_read:,} rows put a vehicle "

@@ -24,6 +24,7 @@ BESIDE = 500.0  # [m] and half the section before and behind it: the originals o
 ASIDE = 500.0  # [m] beside the lanes: a ramp that comes from afar
 LENGTHS = (1.0, 30.0)  # [m] a moped is 1.7 m long, the longest road trains in Europe 25.25 m
 CAR_LENGTHS = (2.5, 9.0)  # [m] of the median car; feet taken for metres are 13 and more; the doctor is stricter
+LONGEST_STEP = 2.0  # [s] a car that drives 30 m/s is 60 m on, and may have changed its lane meanwhile
 LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two recordings
 BESIDE_LANE = 5.0  # [m] more than a lane's width
 LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
@@ -31,6 +32,7 @@ BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began
 RATIO = (0.8, 1.25)  # of recorded to derived speeds; docs/doctor.md
 MOST_FASTEST = 50.0  # [m/s] 180 km/h: on roads without a limit half of the cars drive 40 m/s or less
 MOVING = 3.0  # [m/s] slower vehicles tell nothing of a ratio
+SLOWEST = 0.001  # [m/s] of a ratio: what does not move at all has none
 SAME_PLACE = 0.5  # [m] two vehicles cannot be in one lane and so near to each other
 SPEED_OFF = 2.0  # [m/s] of a smoothed speed against its positions: 10 m after 5 s
 SLIP = 5.0  # [m] and all that grip allows, from where a vehicle was going; `cutting` cuts there
@@ -103,8 +105,9 @@ def _time_step(rows: TrackRows) -> Breach | None:
     step = rows.recording.time_step
     if rows.recording.is_smoothed and abs(step - STEP) > SAME_STEP:
         what, usual = "the time step of a smoothed recording is another", f"{STEP} s"
-    elif step < SHORTEST_STEP:
-        what, usual = "the time step is too short", f"{SHORTEST_STEP} s or more"
+    elif not SHORTEST_STEP <= step <= LONGEST_STEP:
+        word = "short" if step < SHORTEST_STEP else "long"
+        what, usual = f"the time step is too {word} [s]", f"{SHORTEST_STEP} to {LONGEST_STEP:g} s"
     else:
         return None
     return Breach("time_step", what, "", None, None, step, usual, 1, 1, "a wrong unit of the times", 0.0)
@@ -213,13 +216,13 @@ def _recorded_speeds(rows: TrackRows) -> Breach | None:
     recorded = np.abs(rows.tracks[c.RECORDED_V].fill_null(float("nan")).to_numpy().astype(float))
     derived = np.abs(rows.speed)
     with np.errstate(invalid="ignore"):
-        moving = (derived > MOVING) & np.isfinite(recorded)
+        moving = (np.fmax(derived, recorded) > MOVING) & np.isfinite(recorded) & np.isfinite(derived)
     if moving.sum() < FEW or not recorded[moving].any():
         return None
-    ratio = recorded[moving] / derived[moving]
+    ratio = recorded[moving] / np.maximum(derived[moving], SLOWEST)
     median = float(np.median(ratio))
     if RATIO[0] <= median <= RATIO[1]:
-        return _two_units(rows, moving, np.where(moving, recorded / np.where(moving, derived, 1.0), np.nan))
+        return _two_units(rows, moving, np.where(moving, recorded / np.maximum(derived, SLOWEST), np.nan))
     unit = next((name for name, factor in UNITS.items() if abs(median / factor - 1) < SAME_UNIT), "")
     cause = f"recorded speeds in {unit}" if unit else "a wrong unit of positions or times, or the wrong direction"
     return Breach(
@@ -287,10 +290,19 @@ def _lengths(rows: TrackRows) -> Breach | None:
     median = float(np.median(cars.to_numpy())) if cars.len() >= FEW else CAR_LENGTHS[0]
     if CAR_LENGTHS[0] <= median <= CAR_LENGTHS[1]:
         return single
+    cause = "lengths in feet" if median > CAR_LENGTHS[1] else "lengths and widths exchanged, or a wrong unit of lengths"
     return Breach(
         "car_lengths", "the median length of cars [m]", "", None, None, median,
-        f"{CAR_LENGTHS[0]:g} to {CAR_LENGTHS[1]:g} m", cars.len(), cars.len(), "lengths in feet", HALF,
+        f"{CAR_LENGTHS[0]:g} to {CAR_LENGTHS[1]:g} m", cars.len(), cars.len(), cause, HALF,
     )  # fmt: skip
+
+
+def _widths(rows: TrackRows) -> Breach | None:
+    """Returns vehicles that are wider than they are long."""
+    length, width = (rows.tracks[name].to_numpy().astype(float) for name in (c.LENGTH, c.WIDTH))
+    words = {"what": "vehicles that are wider than long [m]", "expected": "lengths above widths"}
+    cause = "lengths and widths exchanged"
+    return rows.breach("wider_than_long", width > length, width, len(width), MANY, **words, cause=cause)
 
 
 def _lanes(rows: TrackRows) -> Breach | None:
@@ -353,5 +365,5 @@ def _crowds(rows: TrackRows) -> Breach | None:
 
 CHECKS: tuple[Check, ...] = (
     _no_numbers, _time_step, _holes, _places, _lateral, _speeds, _jumps, _accelerations, _smoothed_speeds,
-    _recorded_speeds, _directions, _lengths, _lanes, _beside_lanes, _one_place, _crowds,
+    _recorded_speeds, _directions, _lengths, _widths, _lanes, _beside_lanes, _one_place, _crowds,
 )  # fmt: skip

@@ -16,6 +16,7 @@ from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
 from rampcast.formats.steps.clock import check_one_step, whole_frames
+from rampcast.formats.steps.headings import WITHOUT_HEADINGS, check_headings
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import (
     KINDS,
@@ -107,6 +108,9 @@ def _read_part(head: Head, bad_rows: BadRows) -> tuple[pl.DataFrame, float, Read
         sizes_filled=filled,
         kinds_filled=cars,
     )
+    track = ["case", "id"] if "case" in table.columns else ["id"]
+    headings = table.select(*track, c.FRAME, "x", "y", heading="psi")
+    check_headings(rows.file, headings, track, time_step=time_step, advice=WITHOUT_HEADINGS)
     return _in_plane(table, found.group() if found else head.path.stem), time_step, report
 
 

@@ -4,6 +4,8 @@ from typing import Final
 
 import polars as pl
 
+DAY: Final = 86400.0  # [s]
+BY_MIDNIGHT: Final = 60.0  # [s] before and after it in which a recording that goes on over it has rows
 WRITTEN: Final = ("iso", "clock")
 ISO: Final = r"^(\d{4}-\d{2}-\d{2})[T ](\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?$"
 CLOCK: Final = r"^(\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)$"
@@ -11,6 +13,9 @@ CLOCK: Final = r"^(\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)$"
 
 def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl.Series:
     """Returns times [s since 1970, UTC; of a clock since midnight]; null where one is not written so.
+
+    A time of a zone whose clocks are set back comes twice, and one that they leap over never: it is null too. Times of
+    a clock that goes on over midnight go on over 24 h.
 
     Args:
         texts: as they stand in the file.
@@ -24,11 +29,22 @@ def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl
         seconds = _utc(moment, zone, timezone)
     elif written == "clock":
         moment = _naive(pl.lit("1970-01-01T") + _full(text.str.extract(CLOCK, 1)), "%Y-%m-%dT%H:%M:%S%.f")
-        seconds = _seconds(moment)
+        return _over_midnight(texts.to_frame().select(_seconds(moment)).to_series())
     else:
         moment = text.str.to_datetime(written, time_unit="us", strict=False)
         seconds = _seconds(moment) if "%z" in written else _utc(moment, pl.lit(None, pl.String), timezone)
     return texts.to_frame().select(seconds).to_series()
+
+
+def _over_midnight(seconds: pl.Series) -> pl.Series:
+    """Returns times of a clock [s] with those after midnight a day later, where the recording goes on over midnight."""
+    moments = seconds.drop_nulls().unique().sort()
+    if len(moments) < 2 or moments[0] > BY_MIDNIGHT or moments[-1] < DAY - BY_MIDNIGHT:
+        return seconds
+    hole = int(moments.diff().arg_max() or 0)
+    if moments[hole] - moments[hole - 1] < DAY / 2:
+        return seconds
+    return seconds + DAY * (seconds < moments[hole]).cast(pl.Float64)
 
 
 def _full(clock: pl.Expr) -> pl.Expr:
@@ -50,5 +66,5 @@ def _utc(moment: pl.Expr, zone: pl.Expr, timezone: str) -> pl.Expr:
     hours, minutes = zone.str.extract(r"^[+-](\d{2})", 1), zone.str.extract(r"^[+-]\d{2}:?(\d{2})$", 1)
     ahead = hours.cast(pl.Float64).fill_null(0.0) * 3600 + minutes.cast(pl.Float64).fill_null(0.0) * 60
     sign = pl.when(zone.str.starts_with("-")).then(-1.0).otherwise(1.0)
-    local = moment.dt.replace_time_zone(timezone, ambiguous="earliest", non_existent="null")
+    local = moment.dt.replace_time_zone(timezone, ambiguous="null", non_existent="null")
     return pl.when(zone.is_null()).then(_seconds(local)).otherwise(_seconds(moment) - sign * ahead)

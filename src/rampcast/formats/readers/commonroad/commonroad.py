@@ -16,6 +16,7 @@ from rampcast.formats.files.xml_text import find_root
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
 from rampcast.formats.steps.clock import check_one_step
+from rampcast.formats.steps.headings import check_headings
 from rampcast.formats.steps.lanelets import lanelet_at
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import whole_ids
@@ -72,6 +73,8 @@ def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
         np.array([getattr(box, part) for box in boxes]) for part in ("length", "width", "front_x", "front_y")
     )
     x, y, heading = (np.array(columns.pop(part)) for part in ("x", "y", "orientation"))
+    states = pl.DataFrame({"id": columns["id"], c.FRAME: columns[c.FRAME], "x": x, "y": y, "heading": heading})
+    check_headings(scenario.file, states, ["id"], time_step=read_time_step(scenario), advice="Mend the file")
     px = x + np.cos(heading) * ahead - np.sin(heading) * left
     py = y + np.sin(heading) * ahead + np.cos(heading) * left
     lanelets = [lanelet.name for lanelet in scenario.lanelets]

@@ -12,6 +12,7 @@ from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Recordings
 from rampcast.formats.readers.levelx.levelx import Described, ThreeFiles, needs_of, read_location
 from rampcast.formats.steps import believed
+from rampcast.formats.steps.headings import WITHOUT_HEADINGS, check_headings
 from rampcast.formats.steps.vehicles import front_centre
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.thousands import whole_name
@@ -62,9 +63,11 @@ def read_exid(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tu
     return on_roads(plane, site, report)
 
 
-def _in_plane(_: Head, found: Described) -> Described:
+def _in_plane(head: Head, found: Described) -> Described:
     """Returns the rows in UTM: recordings of one location need not have the same origin."""
     table, values = found.table, found.values
+    headings = table.select("id", "frame", "x", "y", pl.col("heading").radians())
+    check_headings(head.name, headings, ["id"], time_step=1 / values["rate"], advice=WITHOUT_HEADINGS)
     px, py = front_centre(pl.col("x"), pl.col("y"), pl.col("heading").radians(), pl.col(c.LENGTH))
     lanelets = table["lane"].unique().drop_nulls()
     first = [whole_name(name.partition(SEPARATOR)[0]) for name in lanelets.cast(pl.String)]

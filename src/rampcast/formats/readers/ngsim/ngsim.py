@@ -34,6 +34,9 @@ LATEST = 4_102_444_800_000  # [ms since 1970] the year 2100
 LONGEST, WIDEST = 200, 30  # [ft] no road vehicle is larger
 FASTEST = 500  # [ft/s] no car drives 550 km/h; NGSIM writes up to 95.3 ft/s
 STRONGEST = 3000  # [ft/s^2] 93 g; NGSIM clips at 11.2 ft/s^2
+LOOKED_AT = 50_000  # rows of a file that tell whether its positions are in the unit of its speeds
+MOVING, NEAR = 1.0, 0.1  # [m/s] of vehicles that tell it, and how near the ratio must be to that of metre and foot
+FARTHEST_CLOCK = 1000  # [ms] between the clocks of one window; in the originals it has but one
 BESIDE = 50.0  # [m] positions this far beside the outer lanes are still believed
 BEYOND = 0.25  # share of the site's length by which a position may lie outside; the originals go 9 % beyond
 RECORDED = {"v_vel": c.RECORDED_V, "v_acc": c.RECORDED_A}  # read where a file has them
@@ -125,8 +128,18 @@ def _check_location(found: Rows, site: Site) -> None:
 
 
 def _check_feet(name: str, rows: pl.DataFrame) -> None:
-    cars = rows.filter(pl.col(c.KIND) == "car")[c.LENGTH]
-    median = float(np.median(cars.to_numpy())) / FOOT if cars.len() else 0.0
+    cars = rows.filter(pl.col(c.KIND) == "car").select(c.LENGTH, c.WIDTH).median()
+    median, width = (float(size or 0.0) / FOOT for size in cars.row(0))
+    if 0 < median < SHORTEST_CAR and width > median:
+        raise FormatError(
+            f"{name}: half of the cars are {median:.1f} ft long and {width:.1f} ft wide: v_Length and v_Width seem to "
+            "be exchanged. Exchange the names of these columns"
+        )
+    if (ratio := _speed_ratio(rows.head(LOOKED_AT))) and abs(ratio * FOOT - 1) < NEAR:
+        raise FormatError(
+            f"{name}: the vehicles' v_Vel are {ratio:.2f} times the speeds of their Local_Y: the positions seem to be "
+            "in metres. Expected NGSIM's own feet: convert Local_X and Local_Y"
+        )
     if 0 < median < SHORTEST_CAR:
         raise FormatError(
             f"{name}: half of the cars are shorter than {median:.1f} ft ({median * FOOT:.1f} m): the "
@@ -134,11 +147,23 @@ def _check_feet(name: str, rows: pl.DataFrame) -> None:
         )
 
 
+def _speed_ratio(rows: pl.DataFrame) -> float | None:
+    """Returns the median ratio of recorded to derived speeds of moving vehicles; None if there is none."""
+    sorted_rows = rows.sort(clocks.CLOCK, c.VEHICLE, c.FRAME)
+    follows = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in (clocks.CLOCK, c.VEHICLE))
+    derived = pl.col(c.X).diff() / (pl.col(c.FRAME).diff() * TIME_STEP)
+    moving = sorted_rows.select(derived=derived, recorded=c.RECORDED_V, follows=follows).filter(
+        pl.col("follows") & (pl.col("derived") > MOVING) & (pl.col("recorded") > 0)
+    )
+    ratio = (moving["recorded"] / moving["derived"]).to_numpy()
+    return float(np.median(ratio)) if len(ratio) else None
+
+
 def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recording, ReadReport]:
     """Returns the recording: rows told apart into windows, duplicates removed, sorted."""
     table = clocks.clocks_of(rows)
     clocks.check_site(report.files[0], table, site)
-    parts, began, duplicates, conflicts, slips, outside = [], {}, 0, 0, 0, 0
+    parts, began, duplicates, conflicts, slips, outside, off = [], {}, 0, 0, 0, 0, 0
     columns = [*c.SCHEMA, *(name for name in c.OPTIONAL_SCHEMA if _is_known(rows[name]))]
     for window, part in clocks.split_windows(rows, table, site.window_bounds()).items():
         name = f"{site.name}-{window}" if window else site.name
@@ -147,9 +172,11 @@ def _assemble(rows: pl.DataFrame, site: Site, report: ReadReport) -> tuple[Recor
         slips += _slips(part)
         began[name] = float(np.median(part[clocks.CLOCK].to_numpy())) / 1000.0  # [ms] to [s]; single clocks may slip
         outside += part.height if window == clocks.OUTSIDE else 0
+        off += _off_clock(part, began[name]) if window != clocks.OUTSIDE else 0
         parts.append(part.select(columns))
     total = sum(part.height for part in parts)
     _check_slips(slips, total, report)
+    _check_clock(off, total, report)
     report = replace(
         report,
         duplicates=duplicates,
@@ -178,6 +205,20 @@ def _check_slips(slips: int, rows: int, report: ReadReport) -> None:
             f"{', '.join(report.files)}: Frame_ID and Global_Time do not advance together in {slips:,} of {rows:,} "
             "rows. Expected 100 ms a frame. A spreadsheet program may have rounded Global_Time, or the file was "
             "resampled: use the original"
+        )
+
+
+def _off_clock(rows: pl.DataFrame, began: float) -> int:
+    """Returns how many rows of a window are far from its clock, which began at that time [s since 1970]."""
+    return int(((rows[clocks.CLOCK] - round(1000.0 * began)).abs() > FARTHEST_CLOCK).sum())
+
+
+def _check_clock(off: int, rows: int, report: ReadReport) -> None:
+    if off > clocks.MOST_SLIPS * rows:
+        raise FormatError(
+            f"{', '.join(report.files)}: Frame_ID is not that of Global_Time in {off:,} of {rows:,} rows: frames seem "
+            "to be counted anew for each vehicle. Read it with a mapping of Global_Time (docs/formats/ngsim.md): "
+            "frames follow from that"
         )
 
 

@@ -12,6 +12,9 @@ from rampcast.recording import columns as c
 TIME = "time"
 TRACK = (c.RECORDING, c.VEHICLE)
 PLACES, LOOKED_AT = 3, 50_000  # places in a table, and rows at each, that tell the time step
+OFF_STEP, MANY = 0.2, 0.1  # of a time step, and of the vehicles, that tell another rate
+FEWEST = 5  # steps of a vehicle that tell its rate
+FRAMES_OFF, FEW_OFF = 1.0, 0.01  # [s] from the time of a frame, and the share of rows beyond that is no slip of a clock
 SPARSE = 1.0  # [s] rows of a vehicle that lie further apart are no trajectory
 
 
@@ -34,8 +37,10 @@ def with_frames(
     some = _some_tracks(table, c.FRAME if has_frames else TIME)
     if time_step is None:
         time_step = _told_step(some, per_frame=has_frames, files=files)
+        _check_one_rate(some, time_step, c.FRAME if has_frames else TIME, files)
     _check_tracks(some, time_step if has_frames else 1.0, c.FRAME if has_frames else TIME, files)
     if has_frames:
+        _check_frames(table, time_step, files)
         return table.with_columns(pl.col(c.FRAME).cast(pl.Int32)), time_step, 0
     frames, slips = numbered(", ".join(files), table[TIME], time_step)
     return table.with_columns(pl.Series(c.FRAME, frames)), time_step, slips
@@ -64,6 +69,39 @@ def _told_step(some: pl.DataFrame, *, per_frame: bool, files: Sequence[str]) -> 
             " Expected a row for every vehicle at every moment"
         )
     return told_step(elapsed["time_step"].to_numpy(), elapsed["frame_step"].to_numpy() if per_frame else None)
+
+
+def _check_one_rate(some: pl.DataFrame, time_step: float, moment: str, files: Sequence[str]) -> None:
+    """Raises if many vehicles are seen at moments that lie between those of most, as another camera's are."""
+    unit = time_step if moment == c.FRAME else 1.0
+    later = some.filter(pl.col(f"{moment}_step") > 0)
+    own = later.group_by(TRACK).agg(pl.len(), step=pl.col(f"{moment}_step").median() * unit)
+    steps = own.filter(pl.col("len") >= FEWEST)["step"].to_numpy()
+    off = np.abs(steps / time_step - np.maximum(np.rint(steps / time_step), 1.0)) > OFF_STEP
+    if len(steps) and off.mean() > MANY:
+        shortest, longest = float(steps.min()), float(steps.max())
+        are_multiples = np.abs(steps / shortest - np.rint(steps / shortest)).max() < OFF_STEP
+        other = f", or say in a mapping that all are multiples of the shortest (time_step = {shortest:g})"
+        raise FormatError(
+            f"{', '.join(files)}: its vehicles are not seen at the same moments: some every {shortest:g} s, others "
+            f"every {longest:g} s. Convert the vehicles of each time step by themselves{other if are_multiples else ''}"
+        )
+
+
+def _check_frames(table: pl.DataFrame, time_step: float, files: Sequence[str]) -> None:
+    """Raises if frames are not those of the times, as where each vehicle's own are counted from 0."""
+    began = pl.col(TIME) - pl.col(c.FRAME) * time_step
+    known = table.select(*TRACK, c.FRAME, TIME, began=began).drop_nulls("began")
+    off = known.with_columns(off=(pl.col("began") - pl.col("began").median().over(c.RECORDING)).abs())
+    wrong = off.filter(pl.col("off") > FRAMES_OFF)
+    if wrong.height > FEW_OFF * known.height:
+        worst = wrong.sort("off").row(-1, named=True)
+        raise FormatError(
+            f"{', '.join(files)}: frames and times do not go together in {wrong.height:,} of {known.height:,} rows; "
+            f"of vehicle {worst[c.VEHICLE]} frame {worst[c.FRAME]} is at {worst[TIME]:g} s, {worst['off']:,.1f} s off. "
+            "Are frames counted anew for each vehicle? Rename that column, or leave it out of the mapping: they follow "
+            "from times then"
+        )
 
 
 def _check_tracks(some: pl.DataFrame, unit: float, moment: str, files: Sequence[str]) -> None:

@@ -16,10 +16,12 @@ from rampcast.file_values import close_column
 from rampcast.formats.files.head import Head, find_header, plain
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
+from rampcast.formats.readers.plain.ids import with_ids, without_zeros
 from rampcast.formats.readers.plain.mapping import NO_VEHICLE, REFERENCES, TEXTS, Entry, TableMapping
 from rampcast.formats.readers.plain.times import with_times
 from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
 from rampcast.formats.steps.earth import in_metres, nearest_meridian
+from rampcast.formats.steps.headings import check_headings
 from rampcast.formats.steps.motion import directions
 from rampcast.formats.steps.places import different_names
 from rampcast.formats.steps.vehicles import whole_ids, with_sizes
@@ -38,6 +40,7 @@ NAME = "plain"
 REQUIRED = ("vehicle", "time", "x", "y", "lane")
 OPTIONAL = ("recording", "frame", "length", "width", "kind", "speed", "acceleration")
 MAY_BE_BLANK = ("lane", "length", "width", "kind", "speed", "acceleration", "heading")
+HEADINGS = "Say so in the mapping (unit of heading), or leave heading out: vehicles head where they move then"
 # Type of each value, and the least and the largest that is believed, in SI.
 TYPES: dict[str, tuple[Any, float, float]] = {
     "recording": (pl.Categorical(), 0, 0),
@@ -109,7 +112,7 @@ def read_mapped(
         name=mapping.name,
         title=mapping.title,
         source=NAME,
-        rows=_front(_with_heading(table, mapping, time_step), mapping.reference),
+        rows=_front(_with_heading(table, mapping, time_step, report.files), mapping.reference),
         time_step=time_step,
         simulated=mapping.simulated,
         roads=() if mapping.plane else _roads(table),
@@ -126,7 +129,8 @@ def _read(heads: Sequence[Head], mapping: TableMapping, bad_rows: BadRows) -> tu
     reports: list[ReadReport] = []
     for head in (_as_described(head, mapping) for head in heads):
         _check_columns(head, mapping)
-        rows = with_times(read_rows(head, _columns(mapping), bad_rows=bad_rows), mapping, bad_rows)
+        rows = with_ids(read_rows(head, _columns(mapping), bad_rows=bad_rows), mapping, bad_rows)
+        rows = with_times(rows, mapping, bad_rows)
         found = [_vehicle(rows.table, entries, mapping, head.path) for entries in mapping.vehicles]
         report = rows.report(f"table by {mapping.path}" if mapping.path else "plain table")
         reports.append(replace(report, rows_not_vehicles=sum(left_out for _, left_out in found)))
@@ -213,7 +217,9 @@ def _vehicle(
     if len(mapping.vehicles) > 1:
         rows = rows.filter(pl.col("vehicle").is_not_null() & pl.col(place).is_not_null())
     if mapping.absent:
+        known = rows.height
         rows = rows.filter(~pl.col("vehicle").cast(pl.String).is_in(mapping.absent))
+        left_out += known - rows.height if len(mapping.vehicles) == 1 else 0
     return rows.with_columns(_told_by_kind(name, one) for name, one in entries.items() if one.by_kind), left_out
 
 
@@ -223,12 +229,7 @@ def _of_vehicles(table: pl.DataFrame, entries: Mapping[str, Entry]) -> pl.DataFr
     gone = [word for word, meant in kind.values.items() if meant == NO_VEHICLE] if kind else []
     if kind is None or not gone:
         return table
-    return table.filter(~_plainly(pl.col(kind.column).cast(pl.String)).is_in(gone).fill_null(False))
-
-
-def _plainly(words: pl.Expr) -> pl.Expr:
-    """Returns texts without the ".0" of whole numbers that were floats."""
-    return words.str.replace(r"^(-?\d+)\.0+$", "$1").str.strip_chars()
+    return table.filter(~without_zeros(pl.col(kind.column).cast(pl.String)).is_in(gone).fill_null(False))
 
 
 def _told_by_kind(name: str, entry: Entry) -> pl.Expr:
@@ -288,7 +289,7 @@ def _values(table: pl.DataFrame, name: str, entry: Entry, mapping: TableMapping,
 def _words(words: pl.Series, name: str, entry: Entry, kind: Any, place: str) -> pl.Series:
     """Returns texts without the ".0" of whole numbers that were floats, as the mapping translates them, of a kind."""
     unique = words.unique().drop_nulls()
-    plainly = unique.to_frame("word").select(_plainly(pl.col("word").cast(pl.String))).to_series()
+    plainly = unique.to_frame("word").select(without_zeros(pl.col("word").cast(pl.String))).to_series()
     known = dict(entry.values) or ({kind: kind for kind in c.KINDS} if name == "kind" else {})
     unknown = sorted(set(plainly) - set(known)) if known else []
     if unknown:
@@ -331,9 +332,14 @@ def _with_y(table: pl.DataFrame, site: Site | None) -> pl.DataFrame:
     return table.with_columns(pl.col(c.Y).fill_null(known))
 
 
-def _with_heading(table: pl.DataFrame, mapping: TableMapping, time_step: float) -> pl.DataFrame:
+def _with_heading(table: pl.DataFrame, mapping: TableMapping, time_step: float, files: Sequence[str]) -> pl.DataFrame:
     """Returns the rows with a heading [rad] where they have none: along the road; in a plane, as the vehicle moves."""
-    if mapping.reference == "front" or not table["heading"].has_nulls():
+    if mapping.reference == "front":
+        return table
+    key = [c.RECORDING, c.VEHICLE]
+    headings = table.select(*key, c.FRAME, c.X, c.Y, "heading")
+    check_headings(", ".join(files), headings, key, time_step=time_step, advice=HEADINGS)
+    if not table["heading"].has_nulls():
         return table
     if not mapping.plane:
         return table.with_columns(pl.col("heading").fill_null(0.0))

@@ -23,7 +23,8 @@ def with_times(rows: Rows, mapping: TableMapping, bad_rows: BadRows) -> Rows:
         seconds = seconds_written(rows.table[column], written, mapping.timezone)
         wrong = seconds.is_null()
         if wrong.any():
-            rows = _without(rows, column, written, wrong, bad_rows)
+            is_of_clock = seconds_written(rows.table[column], written).is_not_null()
+            rows = _without(rows, column, _wanted(written, mapping.timezone), wrong, is_of_clock, bad_rows)
             seconds = seconds.filter(~wrong)
         rows = replace(rows, table=rows.table.with_columns(seconds.alias(column)))
     return rows
@@ -34,11 +35,27 @@ def _written(mapping: TableMapping) -> dict[str, str]:
     return {entry.column: entry.written for entry in times if entry.written}
 
 
-def _without(rows: Rows, column: str, written: str, wrong: pl.Series, bad_rows: BadRows) -> Rows:
-    wanted = f"a time as {EXAMPLES[written]}" if written in WRITTEN else f"a time as {written} says"
+def _wanted(written: str, timezone: str) -> tuple[str, str]:
+    """Returns what is wanted of a time that cannot be read, and of one that can in another time zone."""
+    zone = (
+        f"a time that comes once in {timezone}, where clocks are set: with its zone (+01:00), or timezone = "
+        '"UTC" of a clock that is not set'
+    )
+    return f"a time as {EXAMPLES[written]}" if written in WRITTEN else f"a time as {written} says", zone
+
+
+def _without(
+    rows: Rows, column: str, wanted: tuple[str, str], wrong: pl.Series, is_of_clock: pl.Series, bad_rows: BadRows
+) -> Rows:
     texts = rows.table[column]
     faults = [
-        BadRow(rows.file, place + 1, 0, f"{column}: expected {wanted}, found '{texts[place]!s:.{SHOWN}}'", "row")
+        BadRow(
+            rows.file,
+            place + 1,
+            0,
+            f"{column}: expected {wanted[int(is_of_clock[place])]}, found '{texts[place]!s:.{SHOWN}}'",
+            "row",
+        )
         for place in wrong.arg_true().head(MOST_LISTED).to_list()
     ]
     if bad_rows is BadRows.RAISE:

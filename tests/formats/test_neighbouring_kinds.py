@@ -1,0 +1,304 @@
+"""Kinds of faults that users of neighbouring tools met: values that would be wrong without a word."""
+
+import math
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import polars as pl
+import pytest
+
+from rampcast.errors import FormatError
+from rampcast.formats import read_all, read_any
+from rampcast.recording import columns as c
+from rampcast.recording.invariants import breaches_of
+from rampcast.recording.reading import BadRows
+from tests.formats.test_public_kinds import NAMES, START, written
+
+COLUMNS = 'vehicle = "vehicle"\nx = "x"\ny = "y"\nlane = "lane"\n'
+
+
+def table(rows, names: str = "vehicle,time,x,y,lane") -> str:
+    return "\n".join([names, *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def cars(count: int = 3, frames: int = 30) -> list[tuple[object, ...]]:
+    """Returns rows of cars that drive 20 m/s on one lane, 50 m behind each other."""
+    return [(i + 1, round(k * 0.1, 1), 50 * i + 2 * k, -1.8, 1) for i in range(count) for k in range(frames)]
+
+
+def speeds_of(tracks: pl.DataFrame, time_step: float) -> list[float]:
+    rows = tracks.sort(c.RECORDING, c.VEHICLE, c.FRAME)
+    same = pl.col(c.VEHICLE) == pl.col(c.VEHICLE).shift()
+    return rows.select((pl.col(c.X).diff() / pl.col(c.FRAME).diff()).filter(same)).to_series().to_numpy() / time_step
+
+
+def ngsim_row(k: int, *, local_y: float, size=(14.5, 6.4), key=None) -> tuple[object, ...]:
+    """Returns a row of a car that has driven 40 ft/s for so many frames; `key` is vehicle, frame and Global_Time."""
+    vehicle, frame, time = key or (11, 1000 + k, START + 100 * k)
+    return (vehicle, frame, 30, time, 18, local_y, 6042000, 2133000, *size, 2, 40, 0, 2, 0, 0, 0, 0)
+
+
+# Headings: where the front of a vehicle is depends on them.
+
+HEADINGS = {
+    "in radians where degrees are expected": (math.pi, "deg", -1),
+    "in degrees where radians are expected": (90.0, "rad", None),
+    "clockwise from north, as a compass": (90.0, "deg", 1),
+    "of the rear": (180.0, "deg", 1),
+}
+
+
+def headed(heading: float, unit: str, way: int | None) -> tuple[str, str]:
+    """Returns a table of centres whose heading is the same in all rows, and its mapping; None drives to the north."""
+    rows = []
+    for i in range(4):
+        for k in range(40):
+            along, aside = 50 * i + 2 * k, 3.6 * (i % 2)
+            x, y = (aside, along) if way is None else (way * along, aside)
+            rows.append((i + 1, round(k * 0.1, 1), x, y, 4.8, heading))
+    mapping = (
+        'name = "h"\nplane = true\nreference = "centre"\n[columns]\nvehicle = "vehicle"\ntime = "time"\nx = "x"\n'
+        f'y = "y"\nlength = "length"\nheading = {{ column = "heading", unit = "{unit}" }}\n'
+    )
+    return table(rows, "vehicle,time,x,y,length,heading"), mapping
+
+
+@pytest.mark.parametrize("cause", HEADINGS)
+def test_headings_that_are_not_the_way_vehicles_move_are_refused_with_what_they_are(tmp_path, cause):
+    text, mapping = headed(*HEADINGS[cause])
+    with pytest.raises(FormatError, match=rf"head elsewhere than these move.*Likely they are {cause}"):
+        read_all(written(tmp_path, "a.csv", text), mapping=written(tmp_path, "a.toml", mapping))
+
+
+def test_the_advice_on_headings_leads_out(tmp_path):
+    """By the right unit, and by no heading at all: the front is half a length ahead of the centre either way."""
+    text, mapping = headed(90.0, "deg", 1)
+    path = written(tmp_path, "a.csv", text)
+    right = mapping.replace('"deg"', '"deg from north"')
+    without = "\n".join(line for line in mapping.split("\n") if not line.startswith("heading"))
+    for other in (right, without):
+        recording, _ = read_any(path, mapping=written(tmp_path, "b.toml", other))
+        ends = recording.site.reference or ()
+        assert ends[0][0] == pytest.approx(2.4)
+        assert recording.tracks[c.X].min() == pytest.approx(0.0, abs=1e-6)
+
+
+def interaction(psi: float) -> str:
+    rows = [
+        (i + 1, k + 1, 100 * (k + 1), "car", 1000 + 40 * i + 2 * k, 1000 + 3.6 * (i % 2), 20, 0, psi, 4.5, 1.8)
+        for i in range(4)
+        for k in range(40)
+    ]
+    return table(rows, "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width")
+
+
+def test_interactions_headings_are_held_against_the_way_vehicles_move(tmp_path):
+    read_all(written(tmp_path, "vehicle_tracks_000.csv", interaction(0.0)))
+    with pytest.raises(FormatError, match=r"by 180 degrees mostly.*Likely they are of the rear"):
+        read_all(written(tmp_path, "vehicle_tracks_001.csv", interaction(math.pi)))
+
+
+def exid(folder: Path, *, heading: float = 180.0, exchanged: int = 0) -> Path:
+    """Writes six cars that drive 25 m/s to the west; length and width are exchanged in so many."""
+    names = (
+        "recordingId,trackId,frame,trackLifetime,xCenter,yCenter,heading,width,length,xVelocity,yVelocity,"
+        "xAcceleration,yAcceleration,lonVelocity,latVelocity,lonAcceleration,latAcceleration,laneletId"
+    )
+    rows = []
+    for i in range(6):
+        width, length = (4.8, 1.9) if i < exchanged else (1.9, 4.8)
+        for k in range(80):
+            place = (-(40 * i + k), 10 + 3.6 * (i % 2), heading)
+            rows.append((0, i, k, k, *place, width, length, -25, 0, 0, 0, 25, 0, 0, 0, 1500 + i % 2))
+    meta = [(0, i, 0, 79, 80, 1.9, 4.8, "car") for i in range(6)]
+    written(
+        folder,
+        "00_tracksMeta.csv",
+        table(meta, "recordingId,trackId,initialFrame,finalFrame,numFrames,width,length,class"),
+    )
+    one = [(0, 0, 25, -1, 290000, 5630000, 0.1)]
+    written(
+        folder,
+        "00_recordingMeta.csv",
+        table(one, "recordingId,locationId,frameRate,speedLimit,xUtmOrigin,yUtmOrigin,orthoPxToMeter"),
+    )
+    return written(folder, "00_tracks.csv", table(rows, names))
+
+
+def test_exids_headings_in_radians_are_refused(tmp_path):
+    with pytest.raises(FormatError, match="Likely they are in radians where degrees are expected"):
+        read_all(exid(tmp_path, heading=math.pi))
+
+
+@pytest.mark.parametrize(("exchanged", "spoils"), [(0, None), (2, True), (6, True)])
+def test_lengths_and_widths_that_are_exchanged_are_named(tmp_path, exchanged, spoils):
+    recording, _ = read_any(exid(tmp_path, exchanged=exchanged))
+    found = {one.name: one for one in breaches_of(recording)}
+    assert (found["wider_than_long"].spoils if "wider_than_long" in found else None) is spoils
+    assert all("exchanged" in one.cause for one in found.values())
+
+
+# Clocks.
+
+
+def test_frames_counted_anew_for_each_vehicle_are_refused_and_the_advice_leads_out(tmp_path):
+    rows = [(i + 1, k, round(3 * i + 0.1 * k, 1), 2 * k, -1.8, 1) for i in range(3) for k in range(30)]
+    text = table(rows, "vehicle,frame,time,x,y,lane")
+    with pytest.raises(FormatError, match=r"frames and times do not go together in 60 of 90 rows.*counted anew"):
+        read_all(written(tmp_path, "a.csv", text))
+    recording, _ = read_any(written(tmp_path, "b.csv", text.replace("frame", "own_frame")))
+    assert recording.tracks.filter(pl.col(c.VEHICLE) == 3)[c.FRAME].to_list() == list(range(60, 90))
+
+
+def test_frames_that_begin_elsewhere_than_the_times_are_kept(tmp_path):
+    rows = [(i + 1, 700 + 3 * k, round(0.1 * k, 1), 50 * i + 2 * k, -1.8, 1) for i in range(3) for k in range(30)]
+    recording, _ = read_any(written(tmp_path, "a.csv", table(rows, "vehicle,frame,time,x,y,lane")))
+    assert recording.tracks[c.FRAME].min() == 700
+    assert speeds_of(recording.tracks, recording.time_step) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(("step", "is_refused"), [(100, False), (0, True)])
+def test_ngsims_frames_counted_anew_for_each_vehicle_are_refused(tmp_path, step, is_refused):
+    rows = []
+    for i in range(3):
+        for k in range(30):
+            frame, time = (1000 + 30 * i + k) if step else k, START + 3000 * i + 100 * k
+            rows.append(ngsim_row(k, local_y=60 + 4 * k, key=(11 + i, frame, time)))
+    path = written(tmp_path, "a.csv", table(rows, NAMES))
+    if not is_refused:
+        assert read_any(path)[0].tracks[c.FRAME].max() == 1089
+        return
+    with pytest.raises(FormatError, match=r"Frame_ID is not that of Global_Time in 60 of 90 rows.*mapping"):
+        read_any(path)
+
+
+@pytest.mark.parametrize(("other", "advice"), [(0.04, "themselves$"), (0.2, r"time_step = 0\.1")])
+def test_vehicles_seen_at_other_moments_than_most_are_refused(tmp_path, other, advice):
+    rows = cars(2) + [(9, round(k * other, 2), round(300 + 20 * k * other, 2), -1.8, 1) for k in range(40)]
+    if other == 0.2:  # most at the longer step
+        rows += [
+            (20 + i, round(k * other, 2), round(400 + 50 * i + 4 * k, 2), -1.8, 1) for i in range(6) for k in range(40)
+        ]
+    path = written(tmp_path, "a.csv", table(rows))
+    with pytest.raises(FormatError, match=f"not seen at the same moments.*{advice}"):
+        read_any(path)
+    if other == 0.2:
+        mapping = written(tmp_path, "a.toml", f'time_step = 0.1\n[columns]\ntime = "time"\n{COLUMNS}')
+        recording, report = read_any(path, mapping=mapping)
+        assert report.rows == len(rows)
+        assert speeds_of(recording.tracks, 0.1) == pytest.approx(20.0)
+
+
+def clock(seconds: float) -> str:
+    return (datetime(2023, 1, 1) + timedelta(seconds=seconds)).strftime("%H:%M:%S.%f")
+
+
+def test_a_clock_goes_on_over_midnight(tmp_path):
+    rows = [(row[0], clock(86398.5 + row[1]), *row[2:]) for row in cars()]
+    mapping = written(tmp_path, "a.toml", f'[columns]\ntime = {{ column = "time", unit = "clock" }}\n{COLUMNS}')
+    recording, _ = read_any(written(tmp_path, "a.csv", table(rows)), mapping=mapping)
+    assert recording.tracks[c.FRAME].max() - recording.tracks[c.FRAME].min() == 29
+    assert speeds_of(recording.tracks, recording.time_step) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("begin", "is_read"),
+    [
+        (datetime(2023, 10, 29, 0, 59, 59, tzinfo=UTC), False),  # 2:59:59 for the first time, then 2:00:00
+        (datetime(2023, 3, 26, 0, 59, 59, tzinfo=UTC), True),  # 1:59:59, then 3:00:00
+        (datetime(2023, 7, 1, 0, 59, 59, tzinfo=UTC), True),
+    ],
+)
+def test_times_that_come_twice_where_clocks_are_set_back_are_refused(tmp_path, begin, is_read):
+    zone = ZoneInfo("Europe/Berlin")
+    local = [(begin + timedelta(seconds=float(row[1]))).astimezone(zone) for row in cars()]
+    rows = [(row[0], f"{time:%Y-%m-%d %H:%M:%S.%f}", *row[2:]) for row, time in zip(cars(), local, strict=True)]
+    entry = '[columns]\ntime = { column = "time", unit = "iso" }\n'
+    mapping = written(tmp_path, "a.toml", f'timezone = "Europe/Berlin"\n{entry}{COLUMNS}')
+    path = written(tmp_path, "a.csv", table(rows))
+    if not is_read:
+        with pytest.raises(FormatError, match=r"comes once in Europe/Berlin, where clocks are set: with its zone"):
+            read_any(path, mapping=mapping)
+        rows = [(row[0], time.isoformat(), *row[2:]) for row, time in zip(cars(), local, strict=True)]
+        path = written(tmp_path, "b.csv", table(rows))
+    recording, _ = read_any(path, mapping=mapping)
+    assert speeds_of(recording.tracks, recording.time_step) == pytest.approx(20.0)
+
+
+def test_times_in_microseconds_are_seen_though_nothing_seems_to_move(tmp_path):
+    text = interaction(0.0).split("\n")
+    rows = [row.split(",") for row in text[1:-1]]
+    for row in rows:
+        row[2] += "000"
+    recording, _ = read_any(written(tmp_path, "vehicle_tracks_000.csv", table(rows, text[0])))
+    found = {one.name: one for one in breaches_of(recording)}
+    assert found["time_step"].spoils
+    assert "unit of the times" in found["time_step"].cause
+
+
+# Units.
+
+
+def test_ngsims_positions_in_metres_among_speeds_in_feet_are_refused(tmp_path):
+    rows = [
+        (
+            11,
+            1000 + k,
+            30,
+            START + 100 * k,
+            18,
+            round(20 + 1.219 * k, 3),
+            6042000,
+            2133000,
+            14.5,
+            6.4,
+            2,
+            40,
+            0,
+            2,
+            0,
+            0,
+            0,
+            0,
+        )
+        for k in range(30)
+    ]
+    with pytest.raises(FormatError, match=r"3\.28 times the speeds of their Local_Y.*convert Local_X and Local_Y"):
+        read_any(written(tmp_path, "a.csv", table(rows, NAMES)))
+
+
+def test_ngsims_lengths_and_widths_that_are_exchanged_are_named(tmp_path):
+    rows = [ngsim_row(k, local_y=60 + 4 * k, size=(6.4, 14.5)) for k in range(30)]
+    path = written(tmp_path, "a.csv", table(rows, NAMES))
+    with pytest.raises(FormatError, match=r"Exchange the names of these columns"):
+        read_any(path)
+    other = NAMES.replace("v_Length", "_").replace("v_Width", "v_Length").replace("_,v_Length", "v_Width,v_Length")
+    recording, _ = read_any(written(tmp_path, "b.csv", table(rows, other)))
+    assert recording.tracks[c.LENGTH][0] == pytest.approx(14.5 * 0.3048)
+
+
+# Ids that are none.
+
+
+@pytest.mark.parametrize("name", ["nan", "None", "NULL", "<NA>", "-1", "-1.0"])
+def test_an_id_that_is_none_is_no_vehicle_and_every_way_out_leads_out(tmp_path, name):
+    nobody = [(name, round(k * 0.1, 1), 300 + 2 * k, -1.8, 1) for k in range(10)]
+    path = written(tmp_path, "a.csv", table([*cars(), *nobody]))
+    with pytest.raises(FormatError, match=f"row 91: vehicle: expected the id of a vehicle, found '{name}'"):
+        read_any(path)
+    skipped = read_any(path, bad_rows=BadRows.SKIP)
+    short = name.removesuffix(".0")
+    mapping = written(tmp_path, "a.toml", f'absent = "{short}"\n[columns]\ntime = "time"\n{COLUMNS}')
+    absent = read_any(path, mapping=mapping)
+    for recording, report in (skipped, absent):
+        assert recording.tracks[c.VEHICLE].unique().sort().to_list() == [1, 2, 3]
+        assert (report.rows_read, report.rows) == (100, 90)
+        assert report.rows_skipped + report.rows_not_vehicles == 10
+
+
+def test_ids_that_are_all_below_zero_are_ids(tmp_path):
+    rows = [(-row[0], *row[1:]) for row in cars()]
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
+    assert recording.tracks[c.VEHICLE].n_unique() == 3
+    assert report.vehicles_renumbered == 3
