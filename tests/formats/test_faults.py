@@ -284,6 +284,11 @@ ANYWHERE: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+TOLD = (  # what is said of them
+    r"Tried, the nearest first: |bytes that no text has|UTF-16|the file is empty|cut off|a web page|a pointer to it"
+)
+
+
 def anywhere() -> list[Fault]:
     faults = []
     for form, sample in samples().items():
@@ -296,7 +301,7 @@ def anywhere() -> list[Fault]:
                         form,
                         f"told by content: {what}",
                         files,
-                        r"Tried, the nearest first: |bytes that no text has|UTF-16|the file is empty|cut off",
+                        TOLD,
                         (name,),
                         None,
                         False,

@@ -264,7 +264,7 @@ def test_ngsims_positions_in_metres_among_speeds_in_feet_are_refused(tmp_path):
         )
         for k in range(30)
     ]
-    with pytest.raises(FormatError, match=r"3\.28 times the speeds of their Local_Y.*convert Local_X and Local_Y"):
+    with pytest.raises(FormatError, match=r"3\.28 times the speeds of their Local_Y.*Convert Local_X, Local_Y"):
         read_any(written(tmp_path, "a.csv", table(rows, NAMES)))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from rampcast.arguments import chosen, expected
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, Source, heads_of, look
+from rampcast.formats.files.xml_text import find_root
 from rampcast.formats.format import Door, Format, Recordings
 from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
@@ -29,6 +30,9 @@ FEW = 20  # rows in which that may be, whatever their share
 CONFLICTS = 0.1  # of the rows; NGSIM repeats rows, but hardly any with other positions
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 
+LINES = re.compile(rb"\s*\{.*\}\s*\n\s*\{")
+POINTER = b"version https://git-lfs.github.com/spec/"
+PAGE = re.compile(rb"\s*<(!doctype\s+)?html", re.IGNORECASE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 COMMONROAD = re.compile(rb"[A-Z]{3}_[A-Za-z0-9]+-\d+_\d+_[A-Z]-\d")  # the name of a scenario
 
@@ -262,6 +266,11 @@ def _told_by_content(head: Head) -> Format:
     nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
     tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
     if head.text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+        if LINES.match(head.text):
+            raise FormatError(
+                f"{head.name}: json, but no array of rows: an object in each line. Put them into one: jq -s . IN.json "
+                "> OUT.json. Get the table as csv where that is to be had"
+            )
         raise FormatError(
             f"{head.name}: json, but no array of rows, as '[{{\"vehicle_id\": 1, ...}}, ...]', and none that rampcast "
             f"knows otherwise. Get the table as csv (of a portal, the address that ends in .csv).\nTried, the nearest "
@@ -293,6 +302,18 @@ def check_is_table(head: Head) -> None:
         raise FormatError(
             f"{head.name}: a CommonRoad scenario as protobuf, which is not read. Write it as xml, with commonroad-io: "
             "CommonRoadFileReader(...).open(), then CommonRoadFileWriter(..., file_format=FileFormat.XML)"
+        )
+    if head.text.startswith(POINTER):
+        raise FormatError(
+            f"{head.name}: not the file, but a pointer to it, as Git LFS leaves it. Get the file: `git lfs pull`, or "
+            "download it from the repository's page"
+        )
+    if PAGE.match(head.text):
+        raise FormatError(f"{head.name}: a web page, perhaps one to sign in, and not the file; get it again")
+    if (root := find_root(head.text)) is not None:
+        raise FormatError(
+            f"{head.name}: xml, its outermost element <{root.name}>. Read are SUMO's floating car data (<fcd-export>, "
+            "by sumo --fcd-output FILE) and CommonRoad's scenarios (<commonRoad>); of another program, export csv"
         )
     if head.text.startswith(UTF_16):
         raise FormatError(f'{head.name}: expected UTF-8, found UTF-16; save it anew, in spreadsheets as "CSV UTF-8"')

@@ -224,11 +224,18 @@ def _recorded_speeds(rows: TrackRows) -> Breach | None:
     if RATIO[0] <= median <= RATIO[1]:
         return _two_units(rows, moving, np.where(moving, recorded / np.maximum(derived, SLOWEST), np.nan))
     unit = next((name for name, factor in UNITS.items() if abs(median / factor - 1) < SAME_UNIT), "")
-    cause = f"recorded speeds in {unit}" if unit else "a wrong unit of positions or times, or the wrong direction"
+    cause = f"recorded speeds in {unit}" if unit else _why_slower(median)
     return Breach(
         "recorded_speeds", "recorded speeds are not those of the positions (ratio)", "", None, None, median,
         f"{RATIO[0]} to {RATIO[1]}", int(moving.sum()), int(moving.sum()), cause, 1.0 if unit else HALF,
     )  # fmt: skip
+
+
+def _why_slower(ratio: float) -> str:
+    """Returns what may make recorded speeds so many times those of the positions, where they are in no other unit."""
+    taken = {"m/s taken for feet per second, or positions in feet for metres": 0.3048, "m/s taken for km/h": 1 / 3.6}
+    other = next((what for what, factor in taken.items() if abs(ratio / factor - 1) < SAME_UNIT), "")
+    return other or "a wrong unit of positions or times"
 
 
 def _two_units(rows: TrackRows, moving: Bool[np.ndarray, "row"], ratio: Row) -> Breach | None:

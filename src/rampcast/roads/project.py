@@ -50,9 +50,11 @@ def on_roads(plane: Plane, site: Site | None, report: ReadReport) -> tuple[tuple
     recordings = tuple(recording for recording, _ in found if not recording.tracks.is_empty())
     if not recordings:
         names = ", ".join(recording.site.name for recording, _ in found)
+        other = "Are positions, lanes and directions what the format says they are (docs/formats)?"
+        given = "Was the site made from this source? Leave it out to have one drafted, or make one with `rampcast site`"
         raise FormatError(
             f"{', '.join(report.files)}: none of its {plane.rows.height:,} rows lies on the road of site {names}. "
-            "Was the site made from this source? Leave it out to have one drafted, or make one with `rampcast site`"
+            f"{other if site is None else given}"
         )
     rows = sum(recording.tracks.height for recording in recordings)
     duplicates = sum(counts.duplicates for _, counts in found)

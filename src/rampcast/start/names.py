@@ -25,8 +25,9 @@ NAMES: Final[Mapping[str, str]] = {
     "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn utmnorthing northing north"
     " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset"
     " lateralposition across offset d",
-    "speed": "speed v velocity vel geschwindigkeit sog vehiclespeed gpsspeed speedoverground totalspeed",
-    "acceleration": "acceleration accel acc a longacc lonacc lonacceleration longitudinalacceleration beschleunigung",
+    "speed": "speed v velocity vel vvel geschwindigkeit sog vehiclespeed gpsspeed speedoverground totalspeed",
+    "acceleration": "acceleration accel acc vacc a longacc lonacc lonacceleration longitudinalacceleration"
+    " beschleunigung",
     "heading": "heading hdg yaw psi course cog bearing azimuth orientation angle direction theta kurs",
     "lane": "laneid lanenumber laneno lanenr laneindex lane spur fahrstreifen",
     "length": "length len vehiclelength vehlength vlength l laenge",

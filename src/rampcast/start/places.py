@@ -16,6 +16,7 @@ UTM: Final = 10_000.0  # [m] a coordinate beyond is one of a map, in metres
 ASIDE: Final = 0.08  # of the way that vehicles on a straight road move across it, at most
 WIDEST: Final = 45.0  # [m] of a road that runs along an axis
 ALONG_AXIS: Final = 0.98  # of the vehicles move the same way on a table along the road
+NGSIM: Final = {"vehicle": "vehicleid", "x": "localx", "y": "localy"}  # whose positions are of the front
 CENTRE_WORDS: Final = {"center", "centre", "cx", "cy", "xc", "yc", "xcenter", "ycenter"}
 
 
@@ -160,7 +161,9 @@ def _acceleration(columns: dict[str, str], answers: Answers, proposal: Proposal)
     if "acceleration" not in columns:
         return
     name = columns["acceleration"]
-    unit = answers.units.get("acceleration") or unit_in(name) or "m/s2"
+    speed = proposal.values["columns"].get("speed")
+    in_feet = isinstance(speed, dict) and speed.get("unit") == "ft/s"
+    unit = answers.units.get("acceleration") or unit_in(name) or ("ft/s2" if in_feet else "m/s2")
     if unit in ACCELERATIONS:
         value = name if unit == "m/s2" else {"column": name, "unit": unit}
         proposal.say("acceleration", value, f"'{name}' in {unit}")
@@ -197,6 +200,7 @@ def _reference(columns: dict[str, str], answers: Answers, proposal: Proposal) ->
         (one for one in ("front", "rear") if one in name),
         "centre" if any(word in name for word in CENTRE_WORDS) else "",
     )
+    told = told or ("front" if all(key_of(columns.get(role, "")) == key for role, key in NGSIM.items()) else "")
     reference = answers.reference or told or "centre"
     if reference not in REFERENCES:
         raise StartError(f"--reference: expected one of {', '.join(REFERENCES)}, got {reference}")

@@ -35,8 +35,8 @@ class Column:
             out, and so is the column.
         among: the only numbers believed; () where all in the range are.
         unknown: what a message says of any other; {} stands for it.
-        only: the text, in small letters, of rows that are wanted; those with another one are counted and left out, and
-            so is the column.
+        only: the text, as `alike` gives it, of rows that are wanted; those with another one are counted and left out,
+            and so is the column.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Column:
     def other(self, text: str | None) -> str:
         """Returns the text of a row that is not wanted, as it is compared; "" of one that is or has none."""
         short = (text or "").strip(' "').lower()
-        return "" if short == self.only else short
+        return "" if alike(short) == self.only else short
 
     @property
     def range(self) -> str:
@@ -189,6 +189,11 @@ class Layout:
     def keys(self) -> list[str]:
         """Returns our names of the columns without which a row says nothing."""
         return [column.name for _, column in self.wanted if column.is_key]
+
+
+def alike(text: str) -> str:
+    """Returns a name as names of places are compared: `I-80`, `i80` and "I 80" are one."""
+    return "".join(letter for letter in text.lower() if letter not in " -_")
 
 
 def place_of(column: Column, names: Sequence[str], where: str) -> int | None:

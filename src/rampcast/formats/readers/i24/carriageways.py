@@ -219,10 +219,11 @@ def _on_roads(batch: Batch, source: str, roads: dict[str, Site]) -> tuple[dict[s
 def _joined(reports: Sequence[ReadReport], renumbered: int, roads: dict[str, Site]) -> ReadReport:
     report = join_reports(reports)
     if not report.rows:
+        other = "Are positions in the unit of the format (docs/formats), and is direction -1 where x falls?"
+        given = "Was the site made from this source? Leave it out to have both carriageways"
         raise FormatError(
             f"{', '.join(report.files)}: none of its {report.rows_read:,} rows lies on the road of site "
-            f"{', '.join(site.name for site in roads.values())}. Was the site made from this source? Leave it out to "
-            "have both carriageways"
+            f"{', '.join(site.name for site in roads.values())}. {given if ALL in roads else other}"
         )
     return replace(report, vehicles_renumbered=renumbered)
 

@@ -16,7 +16,7 @@ from rampcast.formats.format import Door, Format, Recordings, table_of
 from rampcast.formats.readers.i24.carriageways import convert_tracks, i24_sites, read_tracks
 from rampcast.formats.readers.i24.stream import Batch, read_batches
 from rampcast.formats.readers.i24.table import clock_of_rows, sampled_rows, starts_of
-from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LONGEST, WEST, WIDEST, Fault, Keys
+from rampcast.formats.readers.i24.tracks import EAST, KINDS, LANES, LATEST, LONGEST, WEST, WIDEST, Fault, Keys
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import whole_ids
 from rampcast.formats.tables.columns import Column, missing_column
@@ -26,7 +26,6 @@ from rampcast.sites import Site
 
 ORIGIN = 309_804.0625 * FOOT  # [m] where v1's x has the Mill Creek bridge
 FAR = 100_000.0  # [m]
-LATEST = 1e10  # [s since 1970]
 KEYS = Keys(
     title="I-24 MOTION MVT v2.1",
     source="i24_mvt",

@@ -18,6 +18,7 @@ HOLE = 5  # time steps between two times of a vehicle beyond which nothing is in
 ON_FRAME = 0.01  # of a time step that a time may be off its frame: 2 cm at 50 m/s
 DAY = 86_400  # [s]
 MOST_DAYS = 4  # that one recording may last
+LATEST = 1e10  # [s since 1970] the year 2286; milliseconds are more
 LARGEST_FLOAT = float(np.finfo(float).max)
 LONGEST, WIDEST = 200.0, 60.0  # [ft] of a vehicle
 KINDS = {0: "car", 1: "car", 2: "car", 3: "car", 4: "truck", 5: "truck", 6: "motorcycle"}  # coarse_vehicle_class
@@ -97,6 +98,8 @@ def track_of(value: Any, keys: Keys) -> Track:
     if (np.diff(time) <= 0).any():
         at = int(np.argmax(np.diff(time) <= 0))
         raise Fault(f"timestamp, entry {at + 2}: expected growing times, found {time[at + 1]:.2f} after {time[at]:.2f}")
+    if not 0 <= time[0] <= time[-1] <= LATEST:
+        raise Fault(f"timestamp: expected seconds since 1970, and no milliseconds, found {time[-1]:.0f}")
     arrays = {name: _numbers(value, key, count=len(time)) for name, key in keys.arrays.items()}
     return Track(
         id=_id(value, keys.id),
@@ -181,8 +184,10 @@ def _numbers(value: dict[str, Any], key: str, *, count: int | None = None) -> Fl
 
 
 def _size(value: dict[str, Any], key: str, most: float) -> float | None:
-    """Returns a size [ft]; None where it is null."""
+    """Returns a size [ft], of an array of one for each moment the median; None where it is null."""
     found = value.get(key)
+    if isinstance(found, list) and found and all(map(_is_number, found)):
+        found = float(np.median(found))
     if found is not None and (not _is_number(found) or not 0 <= found <= most):
         raise Fault(f"{key}: expected 0 to {most:g} ft, found {_shown(found)}")
     return None if found is None else float(found)

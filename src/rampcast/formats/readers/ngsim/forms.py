@@ -96,7 +96,8 @@ def _with_header(name: str, blank: int, tokens: list[str], separator: str) -> tu
     names = tuple(token.lower().replace(" ", "_") for token in tokens)
     missing = [column for column in WANTED if column not in names]
     if missing:
-        close = {column: close_column(column, names, needed=KNOWN) for column in missing}
+        is_near = 2 * len(missing) < len(WANTED)  # of a file of something else every name is near to some other
+        close = {column: close_column(column, names, needed=KNOWN) for column in missing if is_near}
         hint = "".join(f" Is '{match[:30]}' meant to be {column}?" for column, match in close.items() if match)
         if missing == ["frame_id"]:
             hint = f" {FRAMES}"

@@ -19,7 +19,7 @@ from rampcast.formats.readers.ngsim.forms import LOCATION, WANTED, form_of, miss
 from rampcast.formats.readers.ngsim.site import guess_ngsim_site, of_others
 from rampcast.formats.steps.units import FOOT
 from rampcast.formats.steps.vehicles import with_sizes
-from rampcast.formats.tables.columns import Column, Rows
+from rampcast.formats.tables.columns import Column, Rows, alike
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
@@ -39,6 +39,10 @@ MOVING, NEAR = 1.0, 0.1  # [m/s] of vehicles that tell it, and how near the rati
 FARTHEST_CLOCK = 1000  # [ms] between the clocks of one window; in the originals it has but one
 BESIDE = 50.0  # [m] positions this far beside the outer lanes are still believed
 BEYOND = 0.25  # share of the site's length by which a position may lie outside; the originals go 9 % beyond
+IN_METRES = (
+    'Convert Local_X, Local_Y, v_Length and v_Width, or read it with --mapping, with unit = "m" where they are metres '
+    "(docs/formats/ngsim.md has the whole file)"
+)
 RECORDED = {"v_vel": c.RECORDED_V, "v_acc": c.RECORDED_A}  # read where a file has them
 
 
@@ -56,7 +60,7 @@ def read_ngsim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> t
         found = read_rows(replace(head, header=header), columns_of(site), bad_rows=bad_rows)
         _check_location(found, site)
         parts.append(_to_metres(found.table))
-        _check_feet(found.file, parts[-1])
+        _check_feet(found.file, parts[-1], site)
         reports.append(found.report(form))
     rows, filled = with_sizes(pl.concat(parts))
     del parts, found  # they are not needed beside the whole
@@ -86,7 +90,7 @@ def columns_of(site: Site) -> tuple[Column, ...]:
         number("lane_id", pl.Int16(), among=lanes, unknown=unknown),
         number("v_vel", pl.Float32(), -FASTEST, FASTEST, optional=True),
         number("v_acc", pl.Float32(), -STRONGEST, STRONGEST, optional=True),
-        Column(LOCATION, (LOCATION,), pl.String(), optional=True, may_be_blank=True, only=site.location.lower()),
+        Column(LOCATION, (LOCATION,), pl.String(), optional=True, may_be_blank=True, only=alike(site.location)),
     )
 
 
@@ -120,14 +124,14 @@ def _kind(v_class: pl.Expr) -> pl.Expr:
 def _check_location(found: Rows, site: Site) -> None:
     if not found.table.height:
         others = ", ".join(f"{location} ({count:,} rows)" for location, count in found.others.items())
-        fits = [one.name for one in map(load_site, site_names()) if one.location.lower() in found.others]
+        fits = [one.name for one in map(load_site, site_names()) if alike(one.location) in map(alike, found.others)]
         what = f"Read it with --site {fits[0]}" if fits else of_others(sorted(found.others))
         raise FormatError(
             f"{found.file}: no row has the Location '{site.location}' of site {site.name}; found {others}. {what}"
         )
 
 
-def _check_feet(name: str, rows: pl.DataFrame) -> None:
+def _check_feet(name: str, rows: pl.DataFrame, site: Site) -> None:
     cars = rows.filter(pl.col(c.KIND) == "car").select(c.LENGTH, c.WIDTH).median()
     median, width = (float(size or 0.0) / FOOT for size in cars.row(0))
     if 0 < median < SHORTEST_CAR and width > median:
@@ -138,13 +142,25 @@ def _check_feet(name: str, rows: pl.DataFrame) -> None:
     if (ratio := _speed_ratio(rows.head(LOOKED_AT))) and abs(ratio * FOOT - 1) < NEAR:
         raise FormatError(
             f"{name}: the vehicles' v_Vel are {ratio:.2f} times the speeds of their Local_Y: the positions seem to be "
-            "in metres. Expected NGSIM's own feet: convert Local_X and Local_Y"
+            f"in metres. Expected NGSIM's own feet. {IN_METRES}"
         )
     if 0 < median < SHORTEST_CAR:
         raise FormatError(
             f"{name}: half of the cars are shorter than {median:.1f} ft ({median * FOOT:.1f} m): the "
-            "file seems to be in metres. Expected NGSIM's own feet: convert Local_X, Local_Y, v_Length and v_Width"
+            f"file seems to be in metres. Expected NGSIM's own feet. {IN_METRES}"
         )
+    if abs(_times_beside(rows, site) / FOOT - 1) < NEAR:
+        raise FormatError(
+            f"{name}: Local_X is 0.3 times where the lanes lie: positions seem to be in metres. Expected NGSIM's own "
+            f"feet. {IN_METRES}"
+        )
+
+
+def _times_beside(rows: pl.DataFrame, site: Site) -> float:
+    """Returns how many times as far from the road's edge as the middle of their lane vehicles are, in the middle."""
+    centres = {lane.number: lane.centre for lane in site.lanes if lane.centre}
+    times = rows[c.Y] / rows[c.LANE].replace_strict(centres, default=None, return_dtype=pl.Float64)
+    return float(np.median(times.drop_nulls().to_numpy())) if times.count() else 1.0
 
 
 def _speed_ratio(rows: pl.DataFrame) -> float | None:

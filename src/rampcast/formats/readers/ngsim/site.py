@@ -10,7 +10,7 @@ from rampcast.errors import FormatError
 from rampcast.formats.files.head import Head, Header
 from rampcast.formats.readers.ngsim.forms import LOCATION, form_of
 from rampcast.formats.readers.ngsim.windows import sites_of_times
-from rampcast.formats.tables.columns import Column
+from rampcast.formats.tables.columns import Column, alike
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording.reading import BadRows
 from rampcast.sites import Site, load_site, site_names
@@ -49,7 +49,7 @@ def _sites_of(head: Head) -> list[str]:
         return sites_of_times(_times(head.text, header) if head.is_text else _times_of_table(head))
     sites = [load_site(name) for name in site_names()]
     locations = _locations(head)
-    return [site.name for site in sites if site.location and site.location.lower() in locations]
+    return [site.name for site in sites if site.location and alike(site.location) in map(alike, locations)]
 
 
 def _locations(head: Head) -> set[str]:

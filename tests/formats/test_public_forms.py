@@ -1,0 +1,157 @@
+"""Forms in which tables stand in public that look right and are not, each as a small input by hand."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from rampcast.errors import FormatError
+from rampcast.formats import read_all, read_any
+from rampcast.recording import Recording
+from rampcast.recording import columns as c
+from rampcast.recording.invariants import breaches_of
+from rampcast.start import Answers, start
+from tests.formats.test_public_kinds import NAMES, ROWS, X, records, table, written
+
+
+@pytest.mark.parametrize("place", ["I-80", "i80", "I 80", "i_80"])
+def test_a_place_of_ngsim_is_that_however_it_is_written(tmp_path, place):
+    recording, report = read_any(pl.DataFrame(records(location=place)))
+    assert recording.site.name == "i80"
+    assert report.rows_other_location == 0
+    assert recording.tracks[c.X].to_list() == pytest.approx(X)
+
+
+NGSIM_MAPPING = (Path(__file__).parents[2] / "docs" / "formats" / "ngsim.md").read_text(encoding="utf-8")
+NGSIM_MAPPING = NGSIM_MAPPING.partition("```toml\n")[2].partition("```")[0]
+
+
+@pytest.mark.parametrize("sizes", ["m", "ft"])
+@pytest.mark.parametrize("speeds", ["m", "ft"])
+def test_metres_in_ngsims_form_are_refused_with_the_mapping_that_reads_them(tmp_path, sizes, speeds):
+    feet = (4, 5, *((8, 9) if sizes == "m" else ()), *((11,) if speeds == "m" else ()))
+    rows = [[f"{float(cell) * 0.3048:.4f}" if i in feet else cell for i, cell in enumerate(row)] for row in ROWS]
+    path = written(tmp_path, "a.csv", table(rows))
+    with pytest.raises(FormatError, match=r'seems? to be in metres.*--mapping, with unit = "m"'):
+        read_all([path])
+    mapping = NGSIM_MAPPING.replace('"Local_Y", unit = "ft"', '"Local_Y", unit = "m"')
+    mapping = mapping.replace('"Local_X", unit = "ft"', '"Local_X", unit = "m"')
+    mapping = mapping.replace('h", unit = "ft"', f'h", unit = "{sizes}"')
+    recording, _ = read_any([path], mapping=written(tmp_path, "m.toml", mapping))
+    assert recording.tracks[c.X].to_list() == pytest.approx(X, abs=1e-3)
+    assert recording.tracks[c.LENGTH].to_list() == pytest.approx([14.5 * 0.3048] * 3, abs=1e-3)
+
+
+def test_a_table_of_something_else_gets_no_hints_of_ngsim(tmp_path):
+    text = "recordingId,trackId,frame,xCenter,yCenter,width,length,laneWidth\n1,1,0,1.0,2.0,1.8,4.5,3.5\n"
+    with pytest.raises(FormatError, match="Tried, the nearest first") as raised:
+        read_all([written(tmp_path, "a.csv", text)])
+    assert "meant to be" not in str(raised.value)
+
+
+def moving(speed: float, recorded: float) -> Recording:
+    """Returns three vehicles at a speed along the road, and the speed that their source gives [m/s]."""
+    rows = [(1 + i, k, 50.0 * i + speed * 0.1 * k, recorded) for i in range(3) for k in range(30)]
+    frame = pl.DataFrame(rows, schema=["vehicle", "frame", "x", "speed"], orient="row")
+    frame = frame.with_columns(time=pl.col("frame") * 0.1, y=0.0, lane=1).drop("frame")
+    return read_any(frame)[0]
+
+
+@pytest.mark.parametrize(
+    ("speed", "recorded", "spoils", "cause"),
+    [
+        (25.0, 25 * 0.3048, True, "m/s taken for feet per second, or positions in feet for metres"),
+        (8.0, 8 / 0.3048, False, "recorded speeds in feet per second"),
+        (25.0, 25 / 3.6, True, "m/s taken for km/h"),
+        (25.0, 90.0, False, "recorded speeds in km/h"),
+        (0.025, 25.0, True, "a wrong unit of positions or times"),
+        (0.0, 25.0, True, "a wrong unit of positions or times"),
+    ],
+)
+def test_speeds_that_are_not_those_of_the_positions_say_why(speed, recorded, spoils, cause):
+    (found,) = [one for one in breaches_of(moving(speed, recorded)) if one.name == "recorded_speeds"]
+    assert found.spoils is spoils
+    assert cause in found.cause
+
+
+def test_vehicles_that_stand_for_a_while_do_not_make_speeds_wrong():
+    recording = moving(0.0, 0.0)
+    assert not [one for one in breaches_of(recording) if one.name == "recorded_speeds"]
+    slow = replace(recording, tracks=recording.tracks.with_columns(pl.lit(1.0, pl.Float32()).alias(c.RECORDED_V)))
+    assert not [one for one in breaches_of(slow) if one.name == "recorded_speeds"]
+
+
+def test_a_time_step_of_minutes_is_refused():
+    recording = replace(moving(0.3, 0.3), time_step=100.0)
+    assert "time_step" in {one.name for one in breaches_of(recording) if one.spoils}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "a pointer to it.*git lfs pull"),
+        ("<!DOCTYPE html>\n<html><body>Sign in</body></html>\n", "a web page.*get it again"),
+        ('<?xml version="1.0"?>\n<netstate><timestep time="0"/></netstate>\n', "<netstate>.*--fcd-output"),
+        ("<emission-export><timestep/></emission-export>", "<emission-export>.*--fcd-output"),
+    ],
+)
+def test_what_came_instead_of_a_file_is_said(tmp_path, text, message):
+    path = written(tmp_path, "a.csv", text)
+    for read in (read_all, lambda paths: start(paths, tmp_path / "out")):
+        with pytest.raises(FormatError, match=message):
+            read([path])
+
+
+def vehicle_of_i24(**other) -> dict[str, object]:
+    """Returns a vehicle of I-24 MOTION that drives west at 80 ft/s for 2 s."""
+    vehicle = {
+        "_id": {"$oid": "a1"},
+        "timestamp": [1669118400 + 0.1 * k for k in range(20)],
+        "x_position": [320000 - 8.0 * k for k in range(20)],
+        "y_position": [18.0] * 20,
+        "length": 16.0,
+        "width": 6.0,
+        "direction": -1,
+        "coarse_vehicle_class": 0,
+    }
+    return vehicle | other
+
+
+def test_sizes_of_i24_for_each_moment_are_their_median(tmp_path):
+    sizes = {"length": [15.0, 16.0, 16.0, *[17.0] * 17], "width": [6.0] * 20}
+    recording, _ = read_any([written(tmp_path, "a.json", json.dumps([vehicle_of_i24(**sizes)]))])
+    assert recording.tracks[c.LENGTH].to_list() == pytest.approx([17 * 0.3048] * 20)
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"timestamp": [1669118400000 + 100 * k for k in range(20)]}, "seconds since 1970, and no milliseconds"),
+        ({"x_position": [97536 - 2.4 * k for k in range(20)]}, "none of its 20 rows.*in the unit of the format"),
+        ({"direction": 1}, "none of its 20 rows.*direction -1 where x falls"),
+    ],
+)
+def test_what_is_wrong_with_i24_is_said_and_no_site_is_blamed_that_nobody_gave(tmp_path, other, message):
+    path = written(tmp_path, "a.json", json.dumps([vehicle_of_i24(**other)]))
+    with pytest.raises(FormatError, match=message) as raised:
+        read_all([path])
+    assert "Was the site" not in str(raised.value)
+
+
+def test_json_with_an_object_a_line_is_told_how_to_become_an_array(tmp_path):
+    text = "\n".join(json.dumps(vehicle_of_i24()) for _ in range(2))
+    with pytest.raises(FormatError, match=r"an object in each line.*jq -s"):
+        read_all([written(tmp_path, "a.json", text)])
+
+
+def test_a_guided_start_knows_ngsims_point_and_units(tmp_path):
+    frames = [(5 + i, k, 1000 * i + 100 * k, 500 - 100 * i + 8 * k) for i in range(4) for k in range(40)]
+    lines = [f"{v},{k},{t},30.0,{x},80.0,-0.5,3" for v, k, t, x in frames]
+    text = "Vehicle_ID,Frame_ID,Global_Time,Local_X,Local_Y,v_Vel,v_Acc,Lane_ID\n" + "\n".join(lines) + "\n"
+    started = start([written(tmp_path, "a.csv", text)], tmp_path / "out", answers=Answers(name="made"))
+    assert started.mapping["reference"] == "front"
+    assert started.mapping["columns"]["speed"] == {"column": "v_Vel", "unit": "ft/s"}
+    assert started.mapping["columns"]["acceleration"] == {"column": "v_Acc", "unit": "ft/s2"}
+    assert NAMES.split(",")[5] == started.mapping["columns"]["x"]["column"]
