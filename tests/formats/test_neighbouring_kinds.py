@@ -1,5 +1,6 @@
 """Kinds of faults that users of neighbouring tools met: values that would be wrong without a word."""
 
+import json
 import math
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -13,6 +14,7 @@ from rampcast.formats import read_all, read_any
 from rampcast.recording import columns as c
 from rampcast.recording.invariants import breaches_of
 from rampcast.recording.reading import BadRows
+from tests.formats.readers import test_highd as highd
 from tests.formats.test_public_kinds import NAMES, START, written
 
 COLUMNS = 'vehicle = "vehicle"\nx = "x"\ny = "y"\nlane = "lane"\n'
@@ -302,3 +304,143 @@ def test_ids_that_are_all_below_zero_are_ids(tmp_path):
     recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
     assert recording.tracks[c.VEHICLE].n_unique() == 3
     assert report.vehicles_renumbered == 3
+
+
+def test_times_in_milliseconds_of_a_fixed_rate_are_seen_though_no_two_rows_are_near(tmp_path):
+    """Of rows 100 s apart no speed is derived, so no other check would tell."""
+    names = (
+        "ID,time,xloc-kf,yloc-kf,lane-kf,speed-kf,acceleration-kf,length-smoothed,width-smoothed,type-most-common,"
+        "run-index"
+    )
+    rows = [(i, 100 * k, 40 * i + 2 * k, 0, 1, 20, 0, 4.6, 1.9, "small-vehicle", 1) for i in (1, 2) for k in range(40)]
+    recording, _ = read_any(written(tmp_path, "a.csv", table(rows, names)))
+    found = {one.name: one for one in breaches_of(recording)}
+    assert found["time_step"].spoils
+    assert found["time_step"].value == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_heads_of_citysim_that_are_behind_the_middle_are_refused(tmp_path, exchanged):
+    names = "frameNum,carId,carCenterXft,carCenterYft,headXft,headYft,"
+    names += ",".join(f"boundingBox{corner}{axis}ft" for corner in (1, 2, 3) for axis in "XY") + ",speed,laneId"
+    rows = []
+    for k in range(60):
+        x = 2.0 * k
+        box = (x - 7.5, 47, x + 7.5, 47, x + 7.5, 53)
+        rows.append((k, 1, x, 50, x - 7.5 if exchanged else x + 7.5, 50, *box, 40.9, 1))
+    path = written(tmp_path, "FreewayC-01.csv", table(rows, names))
+    if exchanged:
+        with pytest.raises(FormatError, match=r"Likely they are of the rear\. Mend headXft"):
+            read_any(path)
+    else:
+        assert read_any(path)[0].tracks[c.LENGTH][0] == pytest.approx(15 * 0.3048)
+
+
+# Short clips.
+
+
+@pytest.mark.parametrize("degrees", [0.0, 37.0, 180.0, 250.0])
+@pytest.mark.parametrize("order", [(0, 1), (1, 0), (0, 1, 0), (1, 1, 0)])
+def test_vehicles_of_a_short_clip_that_share_no_place_do_not_draw_the_road_from_lane_to_lane(tmp_path, degrees, order):
+    """Each drives 40 m, 60 m behind the one before, in one of two lanes that are named."""
+    turn, rows = math.radians(degrees), []
+    for i, lane in enumerate(order):
+        for k in range(20):
+            x, y = 100 * i + 2 * k, -1.6 - 3.2 * lane
+            place = (math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y)
+            rows.append((f"{0.1 * k:.2f}", f"v{i}", f"{place[0]:.2f}", f"{place[1]:.2f}", 20, f"E_{1 - lane}"))
+    recording, _ = read_any(
+        written(
+            tmp_path, "a.csv", table(rows, "timestep_time,vehicle_id,vehicle_x,vehicle_y,vehicle_speed,vehicle_lane")
+        )
+    )
+    tracks = recording.tracks.group_by(c.VEHICLE).agg(
+        pl.col(c.LANE).unique(), low=pl.col(c.Y).min(), high=pl.col(c.Y).max(), first=pl.col(c.X).min()
+    )
+    tracks = tracks.sort("first")
+    assert (tracks["high"] - tracks["low"]).max() < 0.05
+    assert tracks[c.LANE].to_list() == [[lane + 1] for lane in order] if len(set(order)) == 2 else True
+    assert tracks["first"].to_list() == pytest.approx([100.0 * i for i in range(len(order))], abs=0.05)
+
+
+def i24(**changes: object) -> str:
+    """Returns one vehicle of I-24 MOTION that drives 80 ft/s to the west."""
+    times = [1669122000 + 0.04 * k for k in range(60)]
+    value = {
+        "_id": {"$oid": "63"},
+        "timestamp": times,
+        "x_position": [330000 - 80 * 0.04 * k for k in range(60)],
+        "y_position": [-18.0] * 60,
+        "length": 15.0,
+        "width": 6.0,
+        "direction": -1,
+        "coarse_vehicle_class": 0,
+    }
+    return json.dumps([value | changes])
+
+
+def test_where_no_site_was_given_nobody_is_told_to_leave_it_out(tmp_path):
+    """Metres for feet in I-24 MOTION; directions exchanged in highD: no row lies on the roads that the file names."""
+    path = written(tmp_path, "a.json", i24(x_position=[100584 - 24.4 * 0.04 * k for k in range(60)]))
+    with pytest.raises(FormatError, match=r"none of its 60 rows lies on the road.*unit of the format") as raised:
+        read_all(path)
+    assert "eave it out" not in str(raised.value)
+    exchanged = highd.VEHICLES.replace("Car,1", "Car,2").replace("Truck,2", "Truck,1")
+    with pytest.raises(
+        FormatError, match=r"none of its 4 rows lies on the road.*directions what the format says"
+    ) as raised:
+        read_all(highd.write(tmp_path, highd.FILES | {"07_tracksMeta.csv": exchanged}))
+    assert "eave it out" not in str(raised.value)
+
+
+# What is not where it should be.
+
+
+@pytest.mark.parametrize(
+    "above", ["sep=,\n", "# from camera 4\n", "traffic,of,today,\nline,two,,\n\n", "\ufeffsep=,\n"]
+)
+def test_what_stands_above_the_names_of_columns_is_told_and_the_advice_leads_out(tmp_path, above):
+    text = table(cars())
+    with pytest.raises(FormatError, match=rf"plain table.* stand in line {above.count(chr(10)) + 1} and not in line 1"):
+        read_all(written(tmp_path, "a.csv", above + text))
+    assert read_any(written(tmp_path, "b.csv", text))[1].rows == 90
+
+
+def test_lines_that_end_as_on_old_macs_are_called_so(tmp_path):
+    (tmp_path / "a.csv").write_bytes(table(cars()).replace("\n", "\r").encode())
+    with pytest.raises(FormatError, match="lines end as on old Macs"):
+        read_all(tmp_path / "a.csv")
+
+
+def test_lanes_that_are_counted_from_0_are_told_and_the_advice_leads_out(tmp_path):
+    rows = [(*row[:3], -1.8 - 3.6 * (row[0] % 2), row[0] % 2) for row in cars(4)]
+    path = written(tmp_path, "a.csv", table(rows))
+    with pytest.raises(FormatError, match=r"60 of 120 rows are of lane 0.*at y = -1\.8 m.*values = \{ 0 = 1, 1 = 2 \}"):
+        read_any(path)
+    columns = COLUMNS.replace('lane = "lane"', 'lane = { column = "lane", values = { 0 = 1, 1 = 2 } }')
+    recording, report = read_any(path, mapping=written(tmp_path, "a.toml", f'[columns]\ntime = "time"\n{columns}'))
+    assert sorted(recording.tracks[c.LANE].unique()) == [1, 2]
+    assert report.rows_without_lane == 0
+
+
+def test_rows_beside_all_lanes_are_no_lane_that_is_counted_from_0(tmp_path):
+    """A ramp that comes from afar is of lane 0 in a table that rampcast wrote itself."""
+    rows = [(*row[:3], -1.8 if row[0] < 4 else -30 + 0.8 * row[2] / 10, int(row[0] < 4)) for row in cars(4)]
+    assert read_any(written(tmp_path, "a.csv", table(rows)))[1].rows_without_lane == 30
+
+
+@pytest.mark.parametrize(
+    ("hole", "jump", "is_cut"),
+    [(3.0, -20, True), (4.5, -30, True), (1.0, -12, True), (3.0, 0, False), (3.0, -30, False), (0.7, 2, False)],
+)
+def test_an_id_that_is_given_to_another_behind_is_cut_though_the_way_back_is_short(tmp_path, hole, jump, is_cut):
+    """A car of 20 m/s is lost; what comes is where that car cannot be, unless it stood and was lost standing."""
+    speed = 20.0 if is_cut or jump >= 0 else 0.0
+    came = jump if is_cut else speed * hole + max(jump, 0)
+    rows = [(1, round(0.1 * k, 1), 100 + speed * 0.1 * k, -1.8, 1) for k in range(30)]
+    last = rows[-1][2]
+    rows += [(1, round(2.9 + hole + 0.1 * k, 1), last + came + speed * 0.1 * k, -1.8, 1) for k in range(30)]
+    rows += [(9, row[1], 300, *row[3:]) for row in rows]
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
+    assert report.tracks_cut == int(is_cut)
+    assert recording.tracks[c.VEHICLE].n_unique() == 2 + is_cut

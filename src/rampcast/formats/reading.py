@@ -10,12 +10,12 @@ from typing import Any
 
 from rampcast.arguments import chosen, expected
 from rampcast.errors import FormatError
-from rampcast.formats.files.head import Head, Source, heads_of, look
+from rampcast.formats.files.head import Head, Source, find_header, heads_of, look
 from rampcast.formats.files.xml_text import find_root
 from rampcast.formats.format import Door, Format, Recordings
 from rampcast.formats.readers.plain.mapping import load_mapping
 from rampcast.formats.readers.plain.plain import read_mapped
-from rampcast.formats.registry import all_formats, format_named
+from rampcast.formats.registry import FORMATS, all_formats, format_named
 from rampcast.recording import Recording, write_recordings
 from rampcast.recording import columns as c
 from rampcast.recording.breach import Doubtful, refuse
@@ -34,6 +34,7 @@ LINES = re.compile(rb"\s*\{.*\}\s*\n\s*\{")
 POINTER = b"version https://git-lfs.github.com/spec/"
 PAGE = re.compile(rb"\s*<(!doctype\s+)?html", re.IGNORECASE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+MOST_ABOVE = 20  # lines above the names of columns that are looked at
 COMMONROAD = re.compile(rb"[A-Z]{3}_[A-Za-z0-9]+-\d+_\d+_[A-Z]-\d")  # the name of a scenario
 
 
@@ -263,6 +264,7 @@ def _told_by_content(head: Head) -> Format:
             return entry
         reasons.append((entry, reason))
     check_is_table(head)
+    _check_header_is_first(head)
     nearest_first = sorted(reasons, key=lambda pair: pair[0].needs.share(head), reverse=True)
     tried = "; ".join(f"{entry.name}: {reason}" for entry, reason in nearest_first)
     if head.text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
@@ -281,6 +283,22 @@ def _told_by_content(head: Head) -> Format:
         "finds out what is in it, or describe it with --mapping; --format says which it is.\n"
         f"Tried, the nearest first: {tried}"
     )
+
+
+def _check_header_is_first(head: Head) -> None:
+    """Raises where the names of a known format's columns stand below a title, a comment or a spreadsheet's `sep=;`."""
+    if not head.is_text:
+        return
+    lines = head.text.split(b"\n", MOST_ABOVE + 1)
+    for above in range(1, len(lines)):
+        text = b"\n".join(lines[above:])
+        below = replace(head, text=text, header=find_header(text))
+        entry = next((one for one in FORMATS.values() if below.header and one.needs.misses(below) is None), None)
+        if entry is not None and below.header is not None:
+            raise FormatError(
+                f"{head.name}: in none of the formats that rampcast knows. The names of columns ({entry.title}) stand "
+                f"in line {above + below.header.lines} and not in line 1: remove what is above them"
+            )
 
 
 def check_is_table(head: Head) -> None:
@@ -315,8 +333,10 @@ def check_is_table(head: Head) -> None:
             f"{head.name}: xml, its outermost element <{root.name}>. Read are SUMO's floating car data (<fcd-export>, "
             "by sumo --fcd-output FILE) and CommonRoad's scenarios (<commonRoad>); of another program, export csv"
         )
-    if head.text.startswith(UTF_16):
-        raise FormatError(f'{head.name}: expected UTF-8, found UTF-16; save it anew, in spreadsheets as "CSV UTF-8"')
+    is_of_mac = head.is_text and b"\r" in head.text and b"\n" not in head.text
+    if is_of_mac or head.text.startswith(UTF_16):
+        found = "lines end as on old Macs" if is_of_mac else "expected UTF-8, found UTF-16"
+        raise FormatError(f'{head.name}: {found}; save it anew, in spreadsheets as "CSV UTF-8"')
     if CONTROL.search(head.text):
         raise FormatError(
             f"{head.name}: in none of the formats that rampcast knows: it is no parquet file, and holds bytes that no "

@@ -60,7 +60,8 @@ def _impossible(tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_ste
     came, aside = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
     reach = NOISE + IMPOSSIBLE_ACCELERATION * np.minimum(elapsed, LONGEST_FILLED_GAP) ** 2 / 2
     known = np.isfinite(elapsed) & (elapsed > 0) & (elapsed <= LONGEST_FILLED_GAP)
-    suspects = np.flatnonzero(known & ((came < -reach) | (came > reach) | (np.abs(aside) > ASIDE)))
+    is_odd = (came < -reach) | (came > reach) | (np.abs(aside) > ASIDE) | (elapsed > BESIDE)  # few rows; none else is
+    suspects = np.flatnonzero(known & is_odd)
     found = np.zeros(len(x), bool)
     if not len(suspects):
         return found

@@ -158,12 +158,28 @@ def _middle(
     deviation[count == 0] = np.inf
     median = np.quantile(deviation, 0.5, axis=1, method="higher")
     best = int(median.argmin())
-    parallel = deviation[best] <= median[best]
+    parallel = (deviation[best] <= median[best]) & ~_is_other_lane(count[best], lateral)
     moved = lateral[parallel] - mean[best, parallel, None]
     known = np.isfinite(moved)
     covered = known.any(axis=0)
     total = np.where(known, moved, 0.0).sum(axis=0)
     return places[covered], total[covered] / known.sum(axis=0)[covered]
+
+
+def _is_other_lane(
+    count: Int[np.ndarray, "some"], lateral: Float[np.ndarray, "some place"]
+) -> Bool[np.ndarray, "some"]:
+    """Returns which tracks share no place with the one that leads, and run beside its straight continuation.
+
+    They say nothing of the way between, and would draw the line over to their lane. One that does not run beside it is
+    kept as it lies: the road bends there.
+
+    Args:
+        count: of the places that each track shares with the one that leads.
+        lateral: positions [m] at the places.
+    """
+    sways = np.nanmax(lateral, axis=1, initial=-np.inf) - np.nanmin(lateral, axis=1, initial=np.inf)
+    return (count == 0) & (sways < STRAIGHT)
 
 
 def _roughness(first: ReferenceLine, places: Float[np.ndarray, "place"], lateral: Float[np.ndarray, "place"]) -> float:

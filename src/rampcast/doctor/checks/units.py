@@ -15,6 +15,7 @@ from rampcast.doctor.subject import Subject
 from rampcast.formats.steps.units import FOOT
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import FASTEST
+from rampcast.recording.invariants import RATIO
 
 CAR_LENGTHS = (3.3, 6.5)  # [m] of the median car: small cars are 3.5 m long, the largest pick-up trucks 6.4 m
 LANE_SPACINGS = (2.5, 5.0)  # [m] of the median lane: lanes of roadworks are 2.6 m, ramp lanes 4.9 m (16 ft) wide
@@ -37,7 +38,6 @@ FINEST = 10  # thousandths of a foot that positions may be apart; in a coarser g
 COARSEST = 1000  # likewise: pixels of a foot, and their multiples
 NEAR = 3.0  # [m] nearer to 0 one foot is as good as another
 MOST_FEET = 20_000  # positions that are looked at
-RATIO = (0.8, 1.25)  # of recorded to derived speed; beyond, and in no known unit, the time step is wrong
 # What a value must be multiplied with if it was taken for metres and is in that unit.
 LENGTH_UNITS = {"feet": FOOT, "centimetres": 0.01, "feet, converted to metres twice": 1 / FOOT}
 

@@ -13,6 +13,7 @@ import polars as pl
 from rampcast.formats.files.head import Head
 from rampcast.formats.format import Format, Recordings, table_of
 from rampcast.formats.steps import believed
+from rampcast.formats.steps.headings import check_headings
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
 from rampcast.formats.tables.columns import Column
@@ -34,6 +35,8 @@ COLUMNS = (
     believed.number("id", "carId"),
     believed.place("x", "headXft", farthest=FARTHEST),
     believed.place("y", "headYft", farthest=FARTHEST),
+    believed.place("middle_x", "carCenterXft", farthest=FARTHEST, optional=True, may_be_blank=True),
+    believed.place("middle_y", "carCenterYft", farthest=FARTHEST, optional=True, may_be_blank=True),
     *(
         Column(f"{axis}{corner}", (f"boundingBox{corner}{axis.upper()}ft",), pl.Float32(), -FARTHEST, FARTHEST)
         for corner in CORNERS
@@ -53,6 +56,7 @@ def read_citysim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) ->
     parts, reports = [], []
     for head in heads:
         rows = read_rows(head, COLUMNS, bad_rows=bad_rows)
+        _check_heads(rows.file, rows.table)
         parts.append(_in_plane(rows.table, _video(head.path)[1]))
         reports.append(rows.report("CitySim trajectories"))
     plane = Plane(
@@ -77,6 +81,17 @@ def _place(paths: Sequence[Path]) -> str:
     place = one_place(paths, [place for place, _ in videos])
     different_names(paths, [number for _, number in videos])
     return place
+
+
+def _check_heads(name: str, table: pl.DataFrame) -> None:
+    """Raises where many heads are not in front of the centres: head and tail are exchanged then."""
+    if not {"middle_x", "middle_y"} <= set(table.columns):
+        return
+    x, y = pl.col("x") * FOOT, pl.col("y") * -FOOT
+    ahead, left = x - pl.col("middle_x") * FOOT, y + pl.col("middle_y") * FOOT
+    rows = table.select("id", "frame", x=x, y=y, heading=pl.arctan2(left, ahead))
+    advice = "Mend headXft and headYft, which are not in front of carCenterXft and carCenterYft"
+    check_headings(name, rows, ["id"], time_step=1 / FRAME_RATE, advice=advice)
 
 
 def _in_plane(table: pl.DataFrame, part: str) -> pl.DataFrame:

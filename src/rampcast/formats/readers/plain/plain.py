@@ -17,6 +17,7 @@ from rampcast.formats.files.head import Head, find_header, plain
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.ids import with_ids, without_zeros
+from rampcast.formats.readers.plain.lanes import check_lanes
 from rampcast.formats.readers.plain.mapping import NO_VEHICLE, REFERENCES, TEXTS, Entry, TableMapping
 from rampcast.formats.readers.plain.times import with_times
 from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
@@ -108,6 +109,8 @@ def read_mapped(
     table, filled = _with_sizes(table)
     ids, renumbered = whole_ids(table[c.VEHICLE])
     table = _with_y(table.with_columns(ids.alias(c.VEHICLE)), site)
+    if site is None and not mapping.plane:
+        check_lanes(table, report.files)
     plane = Plane(
         name=mapping.name,
         title=mapping.title,
