@@ -321,6 +321,11 @@ def check_is_table(head: Head) -> None:
             f"{head.name}: a CommonRoad scenario as protobuf, which is not read. Write it as xml, with commonroad-io: "
             "CommonRoadFileReader(...).open(), then CommonRoadFileWriter(..., file_format=FileFormat.XML)"
         )
+    _check_is_a_table_s_text(head)
+
+
+def _check_is_a_table_s_text(head: Head) -> None:
+    """Raises where a text is none of a table: what came instead of a file, another program's, or another encoding."""
     if head.text.startswith(POINTER):
         raise FormatError(
             f"{head.name}: not the file, but a pointer to it, as Git LFS leaves it. Get the file: `git lfs pull`, or "
