@@ -9,10 +9,11 @@ import pytest
 
 from rampcast.errors import FormatError
 from rampcast.formats import read_all, read_any
+from rampcast.formats.steps.written_times import seconds_written
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.invariants import breaches_of
-from rampcast.start import Answers, start
+from rampcast.start import Answers, StartError, start
 from tests.formats.test_public_kinds import NAMES, ROWS, X, records, table, written
 
 
@@ -155,3 +156,63 @@ def test_a_guided_start_knows_ngsims_point_and_units(tmp_path):
     assert started.mapping["columns"]["speed"] == {"column": "v_Vel", "unit": "ft/s"}
     assert started.mapping["columns"]["acceleration"] == {"column": "v_Acc", "unit": "ft/s2"}
     assert NAMES.split(",")[5] == started.mapping["columns"]["x"]["column"]
+
+
+def clock_of_digits(scale: int) -> list[tuple[int, float]]:
+    """Returns vehicles and times of a clock in digits, from 8:00:55 to 8:01:25, hhmmss times the scale."""
+    moments = [55 + 0.1 * k for k in range(300)]
+    return [(i, round((80000 + 100 * (s // 60) + s % 60) * scale, 1)) for i in (1, 2) for s in moments]
+
+
+@pytest.mark.parametrize("scale", [1000, 1])
+def test_a_clock_in_digits_goes_on_over_its_minutes(tmp_path, scale):
+    times = clock_of_digits(scale)
+    rows = [f"{i},{time:.{int(scale == 1)}f},{60 * i + 2.5 * (k % 300)},1" for k, (i, time) in enumerate(times)]
+    path = written(tmp_path, "a.csv", "id,time,x,lane\n" + "\n".join(rows) + "\n")
+    started = start([path], tmp_path / "out", answers=Answers(name="made"))
+    assert started.mapping["columns"]["time"] == {"column": "time", "unit": "clock"}
+    assert started.recording.time_step == 0.1
+    frames = started.recording.tracks.group_by(c.VEHICLE).agg(pl.col(c.FRAME).diff().max())[c.FRAME]
+    assert frames.to_list() == [1, 1]
+
+
+def test_milliseconds_that_are_no_clock_stay_milliseconds(tmp_path):
+    rows = [f"1,{28_790_000 + 100 * k},{2.5 * k},1" for k in range(300)]
+    path = written(tmp_path, "a.csv", "id,time,x,lane\n" + "\n".join(rows) + "\n")
+    started = start([path], tmp_path / "out", answers=Answers(name="made", no_ramp=True))
+    assert started.mapping["columns"]["time"] == {"column": "time", "unit": "ms"}
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("13:05:02.1", 47102.1),
+        ("130502.1", 47102.1),
+        ("130502", 47102.0),
+        ("130502100", 47102.1),
+        ("80502100", 29102.1),
+        ("080502100", 29102.1),
+        ("136502100", None),
+        ("1305021", None),
+        ("250000000", None),
+    ],
+)
+def test_a_clock_is_read_with_colons_and_without(text, seconds):
+    assert seconds_written(pl.Series([text]), "clock").to_list() == [seconds]
+
+
+def test_times_that_are_no_seconds_are_asked_for_and_both_answers_lead_out(tmp_path):
+    stamp = [f"202607011200{s:02d}" for s in range(60)]
+    rows = [f"1,{stamp[k // 5]}.{2 * (k % 5)},{0.2 * k:.1f},{4.0 * k},1" for k in range(300)]
+    path = written(tmp_path, "a.csv", "id,time,t_sec,x,lane\n" + "\n".join(rows) + "\n")
+    with pytest.raises(StartError, match=r"no number of seconds.*--column time=NAME.*--unit time=FORMAT"):
+        start([path], tmp_path / "out", answers=Answers(no_ramp=True))
+    for answers in (Answers(columns={"time": "t_sec"}), Answers(units={"time": "%Y%m%d%H%M%S%.f"})):
+        started = start([path], tmp_path / "out", answers=replace(answers, no_ramp=True))
+        assert started.recording.time_step == 0.2
+
+
+def test_kinds_of_a_plain_table_may_be_in_capitals(tmp_path):
+    text = "vehicle,time,x,y,lane,kind\n" + "".join(f"1,{k / 10},{2 * k},0,1,TRUCK\n" for k in range(30))
+    recording, _ = read_any([written(tmp_path, "a.csv", text)])
+    assert set(recording.tracks[c.KIND]) == {"truck"}

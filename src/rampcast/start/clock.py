@@ -16,6 +16,8 @@ FORMATS: Final = (
 )  # fmt: skip
 SECONDS: Final = "seconds"  # name of the column of our own
 SHORTEST, LONGEST = 0.009, 1.05  # [s] between two rows of a vehicle
+LATEST: Final = 1e10  # [s since 1970] the year 2286
+SCALES: Final = (("ms", 1000), ("s", 1))  # units of times that a clock's digits look like, and how many are a second
 EPOCHS: Final = (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8))  # how large a time since 1970 is, at least
 
 
@@ -24,6 +26,7 @@ def clock_of(table: pl.DataFrame, columns: dict[str, str], answers: Answers, ask
     if "time" in columns:
         name = columns["time"]
         unit = answers.units.get("time") or _written(table[name]) or _unit(table, name, columns)
+        _check_size(table[name], name, unit)
         if unit:
             value = name if unit == "s" else {"column": name, "unit": unit}
             proposal.say("time", value, f"'{name}' in {unit}, by {_why(unit, name)}")
@@ -43,6 +46,16 @@ def clock_of(table: pl.DataFrame, columns: dict[str, str], answers: Answers, ask
     proposal.say("frame", columns["frame"], f"'{columns['frame']}', {rate:g} a second")
 
 
+def _check_size(times: pl.Series, name: str, unit: str) -> None:
+    """Raises where times that are numbers are no seconds of this age, as 20260701120000 is."""
+    largest = times.cast(pl.Float64, strict=False).abs().to_numpy().max(initial=0.0)
+    if unit in TIMES and largest * TIMES[unit] > LATEST:
+        raise StartError(
+            f"How is the time written? '{name}' holds '{times[0]}', which is no number of seconds. Answer with "
+            "--column time=NAME for another column, or --unit time=FORMAT, as --unit time=%Y%m%d%H%M%S"
+        )
+
+
 def _number(text: str, option: str) -> float:
     try:
         return float(text.replace(",", "."))
@@ -57,8 +70,14 @@ def seconds_of(table: pl.DataFrame, columns: Mapping[str, str], values: Mapping[
         return table[columns["frame"]] / float(values["frame_rate"])  # type: ignore[arg-type]
     unit = entry["time"]["unit"] if isinstance(entry["time"], dict) else "s"
     if unit in WRITTEN or "%" in unit:
-        return seconds_written(table[columns["time"]], unit)
+        return seconds_written(_as_it_stands(table[columns["time"]]), unit)
     return table[columns["time"]].cast(pl.Float64) * TIMES[unit]
+
+
+def _as_it_stands(times: pl.Series) -> pl.Series:
+    """Returns times that were taken for numbers as they stand in the file: whole ones without a point."""
+    is_whole = times.dtype.is_float() and bool((times.drop_nulls() == times.drop_nulls().round()).all())
+    return times.cast(pl.Int64) if is_whole else times
 
 
 def _written(times: pl.Series) -> str:
@@ -77,6 +96,8 @@ def _unit(table: pl.DataFrame, name: str, columns: Mapping[str, str]) -> str:
     largest, step = float(times.max() or 0.0), _step(table, name, columns)  # type: ignore[arg-type]
     if unit_in(name) in TIMES and _is_step(step, unit_in(name)):
         return unit_in(name)
+    if any(_is_step(step, unit) and _is_clock(times, scale) for unit, scale in SCALES):
+        return "clock"
     for unit, least in EPOCHS:
         if largest >= least and _is_step(step, unit):
             return unit
@@ -87,6 +108,19 @@ def _unit(table: pl.DataFrame, name: str, columns: Mapping[str, str]) -> str:
     if whole and 0.5 < step < 1.5:  # 0, 1, 2 ...: seconds, or frames
         return ""
     return fitting[0] if fitting else ""
+
+
+def _is_clock(times: pl.Series, scale: int) -> bool:
+    """Returns whether numbers are hours, minutes and seconds in digits: none has 60 seconds or minutes or more.
+
+    Args:
+        times: that go on for more than a minute; else nothing tells.
+        scale: how many of their units are a second.
+    """
+    digits = (times.drop_nulls().cast(pl.Float64) / scale).floor().cast(pl.Int64)
+    minutes, seconds = digits // 100 % 100, digits % 100
+    is_one = digits.is_between(10_000, 235_959) & (minutes < 60) & (seconds < 60)
+    return bool(is_one.all()) and minutes.n_unique() > 1
 
 
 def _is_step(step: float, unit: str) -> bool:

@@ -13,10 +13,11 @@ UNIT_NAMES: Final[Mapping[str, str]] = {
 }  # fmt: skip
 # The names of each value without their units, the likeliest first; words of one name are written together.
 NAMES: Final[Mapping[str, str]] = {
-    "vehicle": "vehicleid trackid objectid objid vehid carid targetid deviceid tripid id vehicle track object veh obj"
-    " oid vid tid car target fahrzeugid fahrzeug device trip nr",
-    "frame": "frameid framenumber framenr frameno framenum frameindex frame fr bild",
-    "time": "timestamp datetime globaltime gpstime utctime unixtime time epoch utc ts t zeitstempel zeit clock date",
+    "vehicle": "vehicleid trackid objectid objid actorid agentid vehid carid targetid deviceid tripid id vehicle track"
+    " object veh obj oid vid tid car target fahrzeugid fahrzeug device trip nr",
+    "frame": "frameid framenumber framenr frameno framenum frameindex frame timestep fr bild",
+    "time": "timestamp datetime globaltime gpstime utctime unixtime time epoch utc ts t zeitstempel zeit clock date"
+    " simtime simsec elapsed elapsedtime sec seconds timestep",
     "latitude": "latitude gpslat lat positionlat",
     "longitude": "longitude gpslon lon lng long positionlon",
     "x": "x xcenter centerx xcentre centrex posx positionx xpos xposition utmx xutm utme utmeasting easting east"
@@ -25,7 +26,7 @@ NAMES: Final[Mapping[str, str]] = {
     "y": "y ycenter centery ycentre centrey posy positiony ypos yposition utmy yutm utmn utmnorthing northing north"
     " hochwert cy yc fronty yfront reary yrear worldy yworld localy ylocal lateral lateraloffset"
     " lateralposition across offset d",
-    "speed": "speed v velocity vel vvel geschwindigkeit sog vehiclespeed gpsspeed speedoverground totalspeed",
+    "speed": "speed v velocity vel vvel geschwindigkeit sog vehiclespeed spd gpsspeed speedoverground totalspeed",
     "acceleration": "acceleration accel acc vacc a longacc lonacc lonacceleration longitudinalacceleration"
     " beschleunigung",
     "heading": "heading hdg yaw psi course cog bearing azimuth orientation angle direction theta kurs",

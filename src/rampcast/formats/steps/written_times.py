@@ -9,6 +9,9 @@ BY_MIDNIGHT: Final = 60.0  # [s] before and after it in which a recording that g
 WRITTEN: Final = ("iso", "clock")
 ISO: Final = r"^(\d{4}-\d{2}-\d{2})[T ](\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?$"
 CLOCK: Final = r"^(\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)$"
+# 130502.1, and 130502100 with thousandths; programs that take it for a number leave out a zero before it.
+DIGITS: Final = r"^0?(\d{1,2})(\d{2})(\d{2}(?:[.,]\d+)?)$"
+THOUSANDTHS: Final = r"^0?(\d{1,2})(\d{2})(\d{2})(\d{3})$"
 
 
 def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl.Series:
@@ -19,7 +22,8 @@ def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl
 
     Args:
         texts: as they stand in the file.
-        written: "iso" (date, time and maybe zone), "clock" (13:05:02.1), or a format as 28/11/26 is %d/%m/%y.
+        written: "iso" (date, time and maybe zone), "clock" (13:05:02.1, 130502.1 or 130502100), or a format as
+            28/11/26 is %d/%m/%y.
         timezone: of times that name none.
     """
     text = pl.col(texts.name).cast(pl.String).str.strip_chars(' "')
@@ -28,12 +32,20 @@ def seconds_written(texts: pl.Series, written: str, timezone: str = "UTC") -> pl
         moment = _naive(pl.concat_str(date, pl.lit("T"), _full(clock)), "%Y-%m-%dT%H:%M:%S%.f")
         seconds = _utc(moment, zone, timezone)
     elif written == "clock":
-        moment = _naive(pl.lit("1970-01-01T") + _full(text.str.extract(CLOCK, 1)), "%Y-%m-%dT%H:%M:%S%.f")
+        clock = pl.coalesce(text.str.extract(CLOCK, 1), _with_colons(text))
+        moment = _naive(pl.lit("1970-01-01T") + _full(clock), "%Y-%m-%dT%H:%M:%S%.f")
         return _over_midnight(texts.to_frame().select(_seconds(moment)).to_series())
     else:
         moment = text.str.to_datetime(written, time_unit="us", strict=False)
         seconds = _seconds(moment) if "%z" in written else _utc(moment, pl.lit(None, pl.String), timezone)
     return texts.to_frame().select(seconds).to_series()
+
+
+def _with_colons(text: pl.Expr) -> pl.Expr:
+    """Returns times of a clock that are written in digits alone as others are; null what is none."""
+    parts = [text.str.extract(THOUSANDTHS, group) for group in (1, 2, 3, 4)]
+    whole = pl.concat_str(*parts[:2], pl.concat_str(*parts[2:], separator="."), separator=":")
+    return pl.coalesce(whole, pl.concat_str(*(text.str.extract(DIGITS, group) for group in (1, 2, 3)), separator=":"))
 
 
 def _over_midnight(seconds: pl.Series) -> pl.Series:

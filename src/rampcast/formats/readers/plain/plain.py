@@ -293,6 +293,7 @@ def _words(words: pl.Series, name: str, entry: Entry, kind: Any, place: str) -> 
     """Returns texts without the ".0" of whole numbers that were floats, as the mapping translates them, of a kind."""
     unique = words.unique().drop_nulls()
     plainly = unique.to_frame("word").select(without_zeros(pl.col("word").cast(pl.String))).to_series()
+    plainly = plainly.str.to_lowercase() if name == "kind" and not entry.values else plainly
     known = dict(entry.values) or ({kind: kind for kind in c.KINDS} if name == "kind" else {})
     unknown = sorted(set(plainly) - set(known)) if known else []
     if unknown:
