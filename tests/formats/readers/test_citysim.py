@@ -134,6 +134,14 @@ def test_the_size_of_a_vehicle_is_that_of_its_median_box(tmp_path):
     assert recording.tracks[c.LENGTH].to_list() == [pytest.approx(4.572)] * 5
 
 
+def test_a_box_without_width_is_a_car_s_and_counted(tmp_path):
+    rows = [row(1, k, boundingBox3Yft=47, boundingBox4Yft=47) for k in range(5)]
+    recording, report = read_any([saved(tmp_path, text(rows))], site=SITE)
+    assert recording.tracks[c.WIDTH].to_list() == [pytest.approx(1.8)] * 5
+    assert recording.tracks[c.LENGTH].to_list() == [pytest.approx(4.572)] * 5
+    assert report.sizes_filled == 5
+
+
 def test_videos_of_one_place_are_parts(tmp_path):
     paths = [saved(tmp_path, text(GOOD), f"FreewayC-{number}.csv") for number in ("01", "02")]
     recording, report = read_any(paths, site=SITE)

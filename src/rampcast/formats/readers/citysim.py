@@ -6,6 +6,7 @@ rotated box. Source: the data description in the CitySim repository; see docs/fo
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -16,6 +17,7 @@ from rampcast.formats.steps import believed
 from rampcast.formats.steps.headings import check_headings
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.units import FOOT, MILE_PER_HOUR
+from rampcast.formats.steps.vehicles import with_sizes
 from rampcast.formats.tables.columns import Column
 from rampcast.formats.tables.rows import read_rows
 from rampcast.recording import columns as c
@@ -57,8 +59,9 @@ def read_citysim(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) ->
     for head in heads:
         rows = read_rows(head, COLUMNS, bad_rows=bad_rows)
         _check_heads(rows.file, rows.table)
-        parts.append(_in_plane(rows.table, _video(head.path)[1]))
-        reports.append(rows.report("CitySim trajectories"))
+        sized, filled = with_sizes(_in_plane(rows.table, _video(head.path)[1]))
+        parts.append(sized)
+        reports.append(replace(rows.report("CitySim trajectories"), sizes_filled=filled))
     plane = Plane(
         name="-".join(filter(None, ("citysim", place.lower().replace(" ", "")))),
         title=f"CitySim, {place}" if place else "CitySim",
