@@ -30,7 +30,7 @@ FEW = 20  # rows in which that may be, whatever their share
 CONFLICTS = 0.1  # of the rows; NGSIM repeats rows, but hardly any with other positions
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 
-LINES = re.compile(rb"\s*\{.*\}\s*\n\s*\{")
+LINES = re.compile(rb"\s*\{.*\}[ \t\r]*\n\s*\{")  # \s*\n would try every one of many blank lines
 POINTER = b"version https://git-lfs.github.com/spec/"
 PAGE = re.compile(rb"\s*<(!doctype\s+)?html", re.IGNORECASE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
