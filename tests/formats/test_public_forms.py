@@ -216,3 +216,38 @@ def test_kinds_of_a_plain_table_may_be_in_capitals(tmp_path):
     text = "vehicle,time,x,y,lane,kind\n" + "".join(f"1,{k / 10},{2 * k},0,1,TRUCK\n" for k in range(30))
     recording, _ = read_any([written(tmp_path, "a.csv", text)])
     assert set(recording.tracks[c.KIND]) == {"truck"}
+
+
+MOMENTS = "track_id,type,traveled_d,avg_speed,lat,lon,speed,lon_acc,lat_acc,time"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "; "])
+def test_moments_of_pneuma_that_are_rows_of_their_own_are_read(tmp_path, separator):
+    rows = [f"{i},Car,25.0,36.0,{37.98 + 9e-6 * k},23.73,36.0,0.0,0.0,{k / 10}" for i in (1, 2) for k in range(30)]
+    text = "\n".join([MOMENTS, *rows]).replace(",", separator) + "\n"
+    recording, report = read_any([written(tmp_path, "a.csv", text)])
+    assert report.rows_read == recording.tracks.height == 60
+    assert recording.tracks[c.RECORDED_V].to_list() == pytest.approx([10.0] * 60)
+
+
+def test_rows_of_pneuma_parted_by_commas_are_read(tmp_path):
+    moments = ", ".join(f"{37.98 + 9e-6 * k}, 23.73, 36.0, 0.0, 0.0, {k / 10}" for k in range(30))
+    text = f"{MOMENTS}\n1, Car, 25.0, 36.0, {moments}, \n2, Car, 25.0, 36.0, {moments}, \n"
+    _, report = read_any([written(tmp_path, "a.csv", text)])
+    assert report.rows == 60
+
+
+def test_a_separator_at_the_end_of_each_row_is_no_column_too_many(tmp_path):
+    rows = [f"{i},{k / 10},{30 * i + 2 * k},0,1," for i in (1, 2) for k in range(30)]
+    recording, report = read_any([written(tmp_path, "a.csv", "vehicle,time,x,y,lane\n" + "\n".join(rows) + "\n")])
+    assert (report.rows_read, report.rows_skipped) == (60, 0)
+    assert recording.tracks[c.X].max() == 118
+    with pytest.raises(FormatError, match="line 4: expected 5 columns, found 6"):  # one row alone is a fault
+        read_any([written(tmp_path, "b.csv", "vehicle,time,x,y,lane\n1,0,0,0,1\n1,0.1,2,0,1\n1,0.2,4,0,1,\n")])
+
+
+def test_a_row_that_is_a_vehicle_with_all_its_moments_is_called_so(tmp_path):
+    moments = "; ".join(f"{2 * k}.0; 3.0; {k / 10}" for k in range(20))
+    text = f"Track ID; Type; Trajectory(x [m]; y [m]; Time [s]; )\n1; Car; {moments}; \n2; Car; {moments}; \n"
+    with pytest.raises(FormatError, match=r"up to 63 cells, its first line names 6.*a row for each vehicle and moment"):
+        start([written(tmp_path, "a.csv", text)], tmp_path / "out")

@@ -1,6 +1,7 @@
 """The first rows of a table whose columns nobody has described, as numbers where they are numbers."""
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import polars as pl
@@ -59,12 +60,28 @@ def sample_of_head(head: Head) -> Sample:
         raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
     comma = has_decimal_commas(head)
     table = pl.read_csv(
-        io.BytesIO(rows), separator=head.header.separator, has_header=False, new_columns=[*head.header.names],
-        infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
+        io.BytesIO(rows), separator=head.header.separator, has_header=False, infer_schema=False,
+        truncate_ragged_lines=True, encoding="utf8-lossy",
     )  # fmt: skip
+    table = _named(head.name, table, head.header.names)
     if not comma and not has_decimal_points(head):
         _check_commas(head.name, table)
     return Sample(head.name, table.select(_typed(column, comma) for column in table), head.header.separator, comma)
+
+
+def _named(name: str, table: pl.DataFrame, names: Sequence[str]) -> pl.DataFrame:
+    """Returns a table with the names of its columns; cells behind the last name may be empty.
+
+    Raises:
+        FormatError: they are not.
+    """
+    count = len(names)
+    if any((column.fill_null("").str.strip_chars() != "").any() for column in table[:, count:]):
+        raise FormatError(
+            f"{name}: its rows have up to {table.width:,} cells, its first line names {count:,}. If a row is a vehicle "
+            "with all its moments, write a row for each vehicle and moment, as id,time,x,y"
+        )
+    return table[:, :count].rename(dict(zip(table.columns, names, strict=False)))
 
 
 def _check_commas(name: str, table: pl.DataFrame) -> None:

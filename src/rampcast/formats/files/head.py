@@ -151,7 +151,16 @@ def find_header(text: bytes, separators: Sequence[str] = SEPARATORS) -> Header |
     names = tuple(cell.strip().strip('"') for cell in cells)
     is_text = line.replace("\t", "").isprintable() and not line.lstrip().startswith(NO_TABLES)
     is_header = len(names) > 1 and is_text and not any(_is_number(name) for name in names)
-    return Header(names, separator, number + 1) if is_header else None
+    if not is_header:
+        return None
+    more = ("",) if _ends_in_one_more(lines[number + 1 :], separator, len(names)) else ()
+    return Header((*names, *more), separator, number + 1)
+
+
+def _ends_in_one_more(lines: Sequence[bytes], separator: str, count: int) -> bool:
+    """Returns whether rows end in a separator that the line of names lacks: a column without name and content."""
+    first = _decoded(next((line for line in lines if line.strip()), b"")).rstrip(" \r")
+    return separator != " " and '"' not in first and first.endswith(separator) and first.count(separator) == count
 
 
 def _decoded(line: bytes) -> str:

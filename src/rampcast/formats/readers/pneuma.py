@@ -7,6 +7,7 @@ vehicles' centres; there are no headings, lanes or sizes. See docs/formats/pneum
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import polars as pl
@@ -104,7 +105,8 @@ def _read_file(head: Head, part: str, bad_rows: BadRows) -> tuple[pl.DataFrame, 
     with open_source(head.path) as (name, stream):
         for _ in range(head.header.lines):
             stream.readline(LONGEST_ROW)
-        for chunk, found in parse_ahead(read_chunks(name, stream, longest_line=LONGEST_ROW), _parse):
+        parse = partial(_parse, separator=head.header.separator)
+        for chunk, found in parse_ahead(read_chunks(name, stream, longest_line=LONGEST_ROW), parse):
             faults += [BadRow(name, line + place, column, reason) for place, column, reason in found.faults]
             if faults and bad_rows is BadRows.RAISE:
                 raise FormatError(advice(faults[0]))
@@ -127,12 +129,12 @@ def _read_file(head: Head, part: str, bad_rows: BadRows) -> tuple[pl.DataFrame, 
     return rows.with_columns(part_name, pl.Series(c.FRAME, frames)), time_step, report
 
 
-def _parse(chunk: bytes) -> _Lines:
-    """Returns what whole lines hold."""
+def _parse(chunk: bytes, separator: str) -> _Lines:
+    """Returns what whole lines hold, whose cells are parted by `;`, or by commas as other programs write them."""
     lines = chunk.decode("utf-8", "replace").split("\n")
     places = [place for place, line in enumerate(lines) if line.strip()]
     text = pl.Series([lines[place] for place in places], dtype=pl.String).str.strip_chars_end(" \t\r")
-    cells = text.str.strip_suffix(";").str.split(";")
+    cells = text.str.strip_suffix(separator).str.split(separator)
     counts = cells.list.len().to_numpy().astype(np.int64) - FIRST
     reasons = [_fault(first, int(n)) for first, n in zip(cells.list.head(FIRST), counts, strict=True)]
     good = np.array([not reason for _, reason in reasons], bool)
@@ -162,7 +164,7 @@ def _fault(first: pl.Series, count: int) -> tuple[int, str]:
     _, reason = read_cell(first[0].strip(), VEHICLE[0])
     if reason:
         return 1, f"{NAMES[0]}: {reason}"
-    kind = first[1].strip()
+    kind = first[1].strip(' "')
     return (0, "") if kind in KINDS else (2, f"type: expected one of {', '.join(KINDS)}, found '{kind[:SHOWN]}'")
 
 
@@ -184,7 +186,7 @@ def _moments(cells: pl.Series, counts: np.ndarray) -> tuple[Float[np.ndarray, "m
 
 def _rows(cells: pl.Series, values: Float[np.ndarray, "moment 6"], moments: np.ndarray) -> pl.DataFrame:
     """Returns the moments of vehicles with places in degrees, and times."""
-    first = [(int(float(cell[0])), KINDS[cell[1].strip()]) for cell in cells.list.head(2)]
+    first = [(int(float(cell[0])), KINDS[cell[1].strip(' "')]) for cell in cells.list.head(2)]
     ids = np.array([number for number, _ in first], np.int32).repeat(moments)
     kinds = pl.Series([kind for _, kind in first], dtype=PLANE_SCHEMA[c.KIND])
     moment = {column.name: values[:, index] for index, column in enumerate(MOMENT)}

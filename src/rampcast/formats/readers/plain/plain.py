@@ -293,16 +293,16 @@ def _words(words: pl.Series, name: str, entry: Entry, kind: Any, place: str) -> 
     """Returns texts without the ".0" of whole numbers that were floats, as the mapping translates them, of a kind."""
     unique = words.unique().drop_nulls()
     plainly = unique.to_frame("word").select(without_zeros(pl.col("word").cast(pl.String))).to_series()
-    plainly = plainly.str.to_lowercase() if name == "kind" and not entry.values else plainly
     known = dict(entry.values) or ({kind: kind for kind in c.KINDS} if name == "kind" else {})
-    unknown = sorted(set(plainly) - set(known)) if known else []
+    asked = plainly.str.to_lowercase() if name == "kind" and not entry.values else plainly
+    unknown = sorted(plainly.filter(~asked.is_in(list(known)))) if known else []
     if unknown:
         where = "are listed under its values" if entry.values else "rampcast knows"
         raise FormatError(
             f"{place} holds '{unknown[0][:SHOWN]}', which is no {name}; {', '.join(one[:SHOWN] for one in known)} "
             f"{where}. Say in a mapping what it means: values = {{ {unknown[0][:SHOWN]!r} = ... }}"
         )
-    new = plainly.replace_strict(known) if known else plainly
+    new = asked.replace_strict(known) if known else plainly
     if not known and new.equals(unique.cast(pl.String)):
         return words.cast(kind)
     return translated(words, unique, new.cast(kind))
