@@ -444,3 +444,60 @@ def test_an_id_that_is_given_to_another_behind_is_cut_though_the_way_back_is_sho
     recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
     assert report.tracks_cut == int(is_cut)
     assert recording.tracks[c.VEHICLE].n_unique() == 2 + is_cut
+
+
+PLANE = '[columns]\nvehicle = "vehicle"\ntime = "time"\nx = "x"\ny = "y"\n'
+STRAYS = {
+    "a row": {(2, 30): (1, 0)},
+    "the first row": {(2, 0): (1, 0)},
+    "rows before and after": {(2, k): (1, 0) for k in (*range(15), *range(45, 60))},
+    "of two vehicles": {(2, 30): (9000, 9000), (3, 59): (-1, -1)},
+}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("strays", STRAYS.values(), ids=STRAYS)
+def test_a_place_to_which_nobody_can_have_driven_draws_no_road(tmp_path, strays, turned):
+    rows = []
+    for i in range(6):
+        for k in range(60):
+            along, aside = 40 * i + 2 * k, 3.6 * (i % 2)
+            place = (5000 - aside, 9000 + along) if turned else (5000 + along, 9000 + aside)
+            rows.append((i + 1, round(0.1 * k, 1), *strays.get((i, k), place)))
+    mapping = written(tmp_path, "a.toml", f"plane = true\n{PLANE}")
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows, "vehicle,time,x,y")), mapping=mapping)
+    assert report.rows + report.rows_off_road == 360
+    elsewhere = report.rows_off_road + report.rows_without_lane
+    assert len(strays) <= elsewhere <= len(strays) + 12  # and those beside, which tell no way
+    whole = recording.tracks.filter(~pl.col(c.VEHICLE).is_in([3, 4]))
+    assert whole.height == 240
+    assert whole.group_by(c.VEHICLE).agg(pl.col(c.Y).max() - pl.col(c.Y).min())[c.Y].max() < 0.01
+    assert speeds_of(whole, 0.1) == pytest.approx(20.0)
+    assert sorted(whole[c.LANE].unique()) == [1, 2]
+
+
+@pytest.mark.parametrize("earth", [False, True])
+def test_places_written_as_0_0_are_no_places(tmp_path, earth):
+    """A vehicle of eight is padded with zeros before and after it is seen, as arrays of all vehicles are."""
+    rows = []
+    for i in range(8):
+        for k in range(60):
+            is_known = i != 3 or 10 <= k < 50
+            place = (38.0, 23.0 + (40 * i + 2 * k) / 87_600) if earth else (100 + 40 * i + 2 * k, -1.8)
+            rows.append((i + 1, round(0.1 * k, 1), *(place if is_known else (0, 0)), 1))
+    names, mapping = "vehicle,time,x,y,lane", None
+    if earth:
+        names = "vehicle,time,lat,lon,lane"
+        columns = PLANE.replace('x = "x"\ny = "y"', 'latitude = "lat"\nlongitude = "lon"')
+        mapping = written(tmp_path, "a.toml", f"plane = true\n{columns}")
+    path = written(tmp_path, "a.csv", table(rows, names))
+    with pytest.raises(FormatError, match=r"row 181: (x, y|lat, lon): both are 0.*a place that is not known"):
+        read_any(path, mapping=mapping)
+    recording, report = read_any(path, mapping=mapping, bad_rows=BadRows.SKIP)
+    assert (report.rows_read, report.rows_skipped, report.rows, report.tracks_cut) == (480, 20, 460, 0)
+    assert speeds_of(recording.tracks, 0.1) == pytest.approx(20.0, rel=0.02)
+
+
+def test_a_road_may_begin_at_0_0(tmp_path):
+    rows = [(i + 1, round(0.1 * (k + 20 * i), 1), 3 * k, 0, 1) for i in range(3) for k in range(30)]
+    assert read_any(written(tmp_path, "a.csv", table(rows)))[1].rows == 90

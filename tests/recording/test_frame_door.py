@@ -10,7 +10,8 @@ from rampcast.sites import load_site
 SITE = load_site("i80")
 X, Y = np.array([50.0, 80.0, 110.0]), np.array([-3.6, -3.6, -7.2])
 V = np.array([20.0, 21.0, 22.0])
-SOUND = {"length": np.full(3, 4.5), "v": V, "before": X - V * 0.1, "lane": np.array([6, 6, 0])}
+SIZES = {"length": np.full(3, 4.5), "width": np.full(3, 1.8)}
+SOUND = {**SIZES, "v": V, "before": X - V * 0.1, "lane": np.array([6, 6, 0])}
 
 
 def test_a_frame_that_is_as_it_should_be_passes_with_what_is_not_known():
@@ -38,6 +39,8 @@ def test_more_vehicles_than_fit_on_the_road_are_refused_at_once():
         ("impossible_speeds", {"before": 1500.0}),
         ("jumps", {"v": 65.0, "before": 80.0 + 5.0}),
         ("impossible_lengths", {"length": 450.0}),
+        ("wider_than_long", {"width": 4.8}),
+        ("upstream", {"v": -20.0, "before": 82.0}),
         ("unknown_lanes", {"lane": 12}),
         ("one_place", {"x": 50.2, "y": -3.6, "before": 48.1}),
     ],

@@ -156,7 +156,7 @@ def _check_states(traffic: Traffic) -> None:
         return
     some = traffic.valid[:, -1]
     x = np.where(np.isfinite(traffic.v[some, -1]) & np.isfinite(traffic.a[some, -1]), traffic.x[some, -1], np.nan)
-    states = {"length": traffic.length[some], "v": traffic.v[some, -1]}
+    states = {"length": traffic.length[some], "width": traffic.width[some], "v": traffic.v[some, -1]}
     found = frame_door(traffic.site, traffic.vehicle[some].tolist(), x, traffic.y[some, -1], **states)
     refused_frame(found, doing=f"the forecast at t0 = {traffic.t0:g} s")
 

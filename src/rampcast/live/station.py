@@ -163,9 +163,8 @@ class Station:
 
     def _believable(self, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns the rows that can be of this site; those that cannot, and would spoil forecasts, are counted."""
-        found = frame_door(
-            self.site, arrays["vehicle"].tolist(), arrays["x"], arrays["y"], length=arrays["length"]
-        ).is_believable
+        x, y, length, width = (arrays[name] for name in ("x", "y", "length", "width"))
+        found = frame_door(self.site, arrays["vehicle"].tolist(), x, y, length=length, width=width).is_believable
         self.doubtful_rows += int((~found).sum())
         return {name: values[found] for name, values in arrays.items()}
 

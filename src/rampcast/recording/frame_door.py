@@ -16,6 +16,7 @@ from rampcast.recording.smoothing import IMPOSSIBLE_ACCELERATION
 from rampcast.sites import Site
 from rampcast.sites.site import NO_LANE
 
+BACKWARDS = -5.0  # [m/s] faster nobody backs on such a road
 IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes", "crowds")  # the others may be noise
 MAY_BE = {"one_place": HALF}  # share that sensors do: one vehicle that two of them see
 
@@ -72,6 +73,7 @@ def frame_door(
     y: Values,
     *,
     length: Values | None = None,
+    width: Values | None = None,
     v: Values | None = None,
     before: Values | None = None,
     lane: Int[np.ndarray, "vehicle"] | None = None,
@@ -84,7 +86,7 @@ def frame_door(
         site: the road.
         vehicles: their ids.
         x, y: front centres along the road [m]; a NaN in y is not known.
-        length: [m]; NaN where not known.
+        length, width: [m]; NaN where not known.
         v: speeds as the sensor has them [m/s]; NaN where not known.
         before: x of the same vehicles a moment before [m]; NaN of those that are new.
         lane: numbers in the site; `NO_LANE` where not known. None if the caller has made sure of them.
@@ -97,7 +99,8 @@ def frame_door(
         return FrameFound((crowd,), np.zeros(len(x), bool))
     with np.errstate(invalid="ignore"):
         moving = _of_motion(came, unknown if v is None else v, elapsed)
-        cases = [*_of_places(site, x, y), *moving, _of_lengths(unknown if length is None else length)]
+        sizes = _of_sizes(unknown if length is None else length, unknown if width is None else width)
+        cases = [*_of_places(site, x, y), *moving, *sizes]
         cases += [] if lane is None else [_of_lanes(site, lane)]
     found = tuple(_breach(case, vehicles, frame) for case in cases if case.wrong.any())
     return FrameFound(found, ~np.logical_or.reduce([case.wrong for case in cases]))
@@ -146,6 +149,9 @@ def _of_motion(came: Values, v: Values, elapsed: float | Values) -> Iterator[_Ca
     usual = f"{np.max(reach, initial=0.0):.3g} m/s of difference at most"
     cause = "two vehicles with one id, or speeds in another unit"
     yield _Case("jumps", np.abs(came - v) > reach, came - v, what, usual, cause)
+    cause = "the opposite carriageway, a reference line turned round, or the wrong site"
+    usual = f"{-BACKWARDS:g} m/s backwards at most"
+    yield _Case("upstream", v < BACKWARDS, v, "vehicles that drive upstream [m/s]", usual, cause)
 
 
 def _of_lanes(site: Site, lane: Int[np.ndarray, "vehicle"]) -> _Case:
@@ -155,10 +161,12 @@ def _of_lanes(site: Site, lane: Int[np.ndarray, "vehicle"]) -> _Case:
     return _Case("unknown_lanes", wrong, lane.astype(float), what, usual, "the wrong site, or lanes counted otherwise")
 
 
-def _of_lengths(length: Values) -> _Case:
+def _of_sizes(length: Values, width: Values) -> Iterator[_Case]:
     wrong, cause = (length < LENGTHS[0]) | (length > LENGTHS[1]), "another unit of lengths than of positions"
     usual = f"{LENGTHS[0]:g} to {LENGTHS[1]:g} m"
-    return _Case("impossible_lengths", wrong, length, "lengths that no vehicle has [m]", usual, cause)
+    yield _Case("impossible_lengths", wrong, length, "lengths that no vehicle has [m]", usual, cause)
+    what, usual, cause = "vehicles that are wider than long [m]", "lengths above widths", "lengths and widths exchanged"
+    yield _Case("wider_than_long", width > length, width, what, usual, cause)
 
 
 def _in_one_place(x: Values, y: Values, lanes: int) -> Bool[np.ndarray, "vehicle"]:

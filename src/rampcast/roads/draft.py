@@ -15,7 +15,7 @@ from rampcast.recording import columns as c
 from rampcast.roads.draft_groups import NONE, group_tracks, nearest_road
 from rampcast.roads.draft_lanes import lanes_by_name, lanes_by_place
 from rampcast.roads.draft_lines import draft_line
-from rampcast.roads.draft_points import Sample, sample_of
+from rampcast.roads.draft_points import Sample, sample_of, without_strays
 from rampcast.roads.plane import PX, PY, SOURCE_LANE, Plane, Road
 from rampcast.roads.reference import along_road, reference_line
 from rampcast.sites import Lane, Note, Site
@@ -41,9 +41,10 @@ def draft_roads(plane: Plane) -> tuple[Draft, ...]:
     """
     if plane.rows.is_empty():
         return ()
-    sample = sample_of(plane)
+    sound = without_strays(plane)
+    sample = sample_of(sound)
     roads, road = _by_name(plane.roads, sample) if plane.roads else _by_direction(sample)
-    lines = [_line(plane, sample, one, road == number) for number, one in enumerate(roads)]
+    lines = [_line(sound, sample, one, road == number) for number, one in enumerate(roads)]
     road = _assigned(road, [_distance(sample, np.asarray(line)) for line in lines], sample)
     rows = _rows(plane, sample, road)
     drafts = []

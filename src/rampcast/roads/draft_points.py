@@ -1,13 +1,14 @@
 """A thin sample of the trajectories in a plane: enough to draft roads from, whatever the size of the recording."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
 from rampcast.recording import columns as c
+from rampcast.recording.cutting import FASTEST, NOISE
 from rampcast.recording.order import in_order, is_sorted, track_starts
 from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane
 
@@ -55,6 +56,29 @@ class Sample:
     def of_tracks(self, chosen: Bool[np.ndarray, "track"]) -> Bool[np.ndarray, "point"]:
         """Returns which points belong to the chosen tracks."""
         return chosen[self.track]
+
+
+def without_strays(plane: Plane) -> Plane:
+    """Returns the plane without rows to which no vehicle can have driven: places that are not known, written as 0, 0.
+
+    Of a track that jumps, the piece with the most rows is kept. A single such row, kilometres away, would make the
+    longest way of all and draw the road.
+    """
+    rows = plane.rows
+    order = slice(None) if is_sorted(rows) else in_order(rows)
+    px, py = (rows[name].to_numpy()[order] for name in (PX, PY))
+    elapsed = np.diff(rows[c.FRAME].to_numpy()[order].astype(float)) * plane.time_step
+    jumps = np.r_[False, np.hypot(np.diff(px), np.diff(py)) > NOISE + FASTEST * np.abs(elapsed)]
+    starts = track_starts(rows, order)
+    jumps[starts] = False
+    if not jumps.any():
+        return plane
+    edges = np.flatnonzero(jumps | np.isin(np.arange(rows.height), starts))
+    piece = pl.DataFrame({"size": np.diff(np.r_[edges, rows.height]), "track": np.searchsorted(starts, edges, "right")})
+    is_kept = piece.select((pl.col("size").arg_max() == pl.int_range(pl.len())).over("track")).to_series().to_numpy()
+    kept = np.repeat(is_kept, piece["size"].to_numpy())
+    places = np.flatnonzero(kept) if isinstance(order, slice) else np.sort(order[kept])
+    return replace(plane, rows=rows[places])
 
 
 def sample_of(plane: Plane) -> Sample:

@@ -112,7 +112,15 @@ def _check(site: Site, known: Rows | None, rows: Rows, time: float) -> None:
         again, since = again[since > 0], since[since > 0]
         before[again], elapsed[again] = known.x[place[again]], since
     found = frame_door(
-        site, rows.vehicle.tolist(), rows.x, rows.y, length=rows.length, before=before, elapsed=elapsed, lane=rows.lane
+        site,
+        rows.vehicle.tolist(),
+        rows.x,
+        rows.y,
+        length=rows.length,
+        width=rows.width,
+        before=before,
+        elapsed=elapsed,
+        lane=rows.lane,
     )
     refused_frame(found, doing=f"the frame at {time:g} s", what="it", advice=GO_ON)
 

@@ -17,8 +17,9 @@ from rampcast.formats.files.head import Head, find_header, plain
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.plain.frames import with_frames
 from rampcast.formats.readers.plain.ids import with_ids, without_zeros
-from rampcast.formats.readers.plain.lanes import check_lanes
+from rampcast.formats.readers.plain.lanes import check_lanes, tells_lanes
 from rampcast.formats.readers.plain.mapping import NO_VEHICLE, REFERENCES, TEXTS, Entry, TableMapping
+from rampcast.formats.readers.plain.places import with_places
 from rampcast.formats.readers.plain.times import with_times
 from rampcast.formats.steps.believed import FARTHEST_UTM, FASTEST, HARDEST, LONGEST, WIDEST
 from rampcast.formats.steps.earth import in_metres, nearest_meridian
@@ -109,7 +110,7 @@ def read_mapped(
     table, filled = _with_sizes(table)
     ids, renumbered = whole_ids(table[c.VEHICLE])
     table = _with_y(table.with_columns(ids.alias(c.VEHICLE)), site)
-    if site is None and not mapping.plane:
+    if site is None and not mapping.plane and all(tells_lanes(entries) for entries in mapping.vehicles):
         check_lanes(table, report.files)
     plane = Plane(
         name=mapping.name,
@@ -133,7 +134,7 @@ def _read(heads: Sequence[Head], mapping: TableMapping, bad_rows: BadRows) -> tu
     for head in (_as_described(head, mapping) for head in heads):
         _check_columns(head, mapping)
         rows = with_ids(read_rows(head, _columns(mapping), bad_rows=bad_rows), mapping, bad_rows)
-        rows = with_times(rows, mapping, bad_rows)
+        rows = with_places(with_times(rows, mapping, bad_rows), mapping, bad_rows)
         found = [_vehicle(rows.table, entries, mapping, head.path) for entries in mapping.vehicles]
         report = rows.report(f"table by {mapping.path}" if mapping.path else "plain table")
         reports.append(replace(report, rows_not_vehicles=sum(left_out for _, left_out in found)))
