@@ -251,3 +251,15 @@ def test_a_row_that_is_a_vehicle_with_all_its_moments_is_called_so(tmp_path):
     text = f"Track ID; Type; Trajectory(x [m]; y [m]; Time [s]; )\n1; Car; {moments}; \n2; Car; {moments}; \n"
     with pytest.raises(FormatError, match=r"up to 63 cells, its first line names 6.*a row for each vehicle and moment"):
         start([written(tmp_path, "a.csv", text)], tmp_path / "out")
+
+
+@pytest.mark.parametrize("none", ["0", "out"])
+def test_a_mapping_may_say_that_rows_are_of_no_lane(tmp_path, none):
+    lanes = {1: "1", 2: "2", 3: none}
+    rows = [f"{i},{k / 10},{40 * i + 2 * k},{3.6 * (i - 2)},{lanes[i]}" for i in lanes for k in range(30)]
+    path = written(tmp_path, "a.csv", "id,t,x,y,l\n" + "\n".join(rows) + "\n")
+    lane = f'lane = {{ column = "l", values = {{ {none} = 0, 1 = 1, 2 = 2 }} }}'
+    mapping = f'[columns]\nvehicle = "id"\ntime = "t"\nx = "x"\ny = "y"\n{lane}\n'
+    recording, report = read_any([path], mapping=written(tmp_path, "m.toml", mapping))
+    assert report.rows_without_lane == 30
+    assert recording.tracks.filter(pl.col(c.LANE) == 0)[c.VEHICLE].unique().to_list() == [3]
