@@ -263,3 +263,10 @@ def test_a_mapping_may_say_that_rows_are_of_no_lane(tmp_path, none):
     recording, report = read_any([path], mapping=written(tmp_path, "m.toml", mapping))
     assert report.rows_without_lane == 30
     assert recording.tracks.filter(pl.col(c.LANE) == 0)[c.VEHICLE].unique().to_list() == [3]
+
+
+def test_tracks_of_levelx_without_lanelets_are_called_so(tmp_path):
+    names = "recordingId,trackId,frame,xCenter,yCenter,heading,width,length,lonVelocity,lonAcceleration"
+    text = f"{names}\n1,1,0,1,2,0,2,4,9,0\n"
+    with pytest.raises(FormatError, match="nearest first: exid: no column 'laneletId': inD, rounD and uniD have none"):
+        read_all([written(tmp_path, "00_tracks.csv", text)])

@@ -331,7 +331,7 @@ def _lanes(rows: TrackRows) -> Breach | None:
     return Breach(
         "lane_spacing", "the distance from lane to lane [m]", "", None, None, float(np.median(wrong)),
         f"{LANE_SPACING[0]:g} to {LANE_SPACING[1]:g} m", len(wrong), len(steps),
-        "a site or lateral positions in feet or centimetres", HALF,
+        "a site or lateral positions in feet or centimetres, or two roads taken for one", HALF,
     )  # fmt: skip
 
 

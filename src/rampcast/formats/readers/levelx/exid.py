@@ -5,10 +5,11 @@ from x. Lanes are lanelets of a map that is not read. Source: the format page of
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import polars as pl
 
-from rampcast.formats.files.head import Head
+from rampcast.formats.files.head import Head, plain
 from rampcast.formats.format import Format, Recordings
 from rampcast.formats.readers.levelx.levelx import Described, ThreeFiles, needs_of, read_location
 from rampcast.formats.steps import believed
@@ -22,6 +23,7 @@ from rampcast.roads.plane import PX, PY, SOURCE_LANE, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
+OF_LEVELX = {"trackid", "xcenter", "ycenter"}  # columns of the tracks of all its data sets but highD
 SEPARATOR = ";"  # between lanelets that overlap where the vehicle is
 
 FILES = ThreeFiles(
@@ -87,4 +89,20 @@ def _in_plane(head: Head, found: Described) -> Described:
     return found._replace(table=rows)
 
 
-EXID = Format("exid", "exiD, entries and exits", "NN_tracks.csv with both Meta.csv", read_exid, needs_of(FILES))
+def _misses_exid(head: Head) -> str | None:
+    """Returns the first thing a file lacks to be one of exiD's three, or that it is of those without lanelets."""
+    reason = NEEDS.misses(head)
+    names = set(map(plain, head.names))
+    if reason is None or not OF_LEVELX <= names or "laneletid" in names:
+        return reason
+    return "no column 'laneletId': inD, rounD and uniD have none, and no on-ramp; nor has exiD before its version 2"
+
+
+NEEDS = needs_of(FILES)
+EXID = Format(
+    "exid",
+    "exiD, entries and exits",
+    "NN_tracks.csv with both Meta.csv",
+    read_exid,
+    replace(NEEDS, misses=_misses_exid),
+)
