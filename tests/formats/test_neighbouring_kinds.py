@@ -101,6 +101,9 @@ def test_interactions_headings_are_held_against_the_way_vehicles_move(tmp_path):
         read_all(written(tmp_path, "vehicle_tracks_001.csv", interaction(math.pi)))
 
 
+EXID = {"vehicle": "trackId", "frame": "frame", "x": "xCenter", "y": "yCenter", "length": "length", "width": "width"}
+
+
 def exid(folder: Path, *, heading: float = 180.0, exchanged: int = 0) -> Path:
     """Writes six cars that drive 25 m/s to the west; length and width are exchanged in so many."""
     names = (
@@ -128,9 +131,16 @@ def exid(folder: Path, *, heading: float = 180.0, exchanged: int = 0) -> Path:
     return written(folder, "00_tracks.csv", table(rows, names))
 
 
-def test_exids_headings_in_radians_are_refused(tmp_path):
-    with pytest.raises(FormatError, match="Likely they are in radians where degrees are expected"):
-        read_all(exid(tmp_path, heading=math.pi))
+def test_exids_headings_in_radians_are_refused_and_a_mapping_without_them_leads_out(tmp_path):
+    path = exid(tmp_path, heading=math.pi)
+    with pytest.raises(FormatError, match=r"Likely they are in radians.*with a mapping that names no heading"):
+        read_all(path)
+    columns = "".join(f'{ours} = "{theirs}"\n' for ours, theirs in EXID.items())
+    mapping = f'plane = true\nreference = "centre"\nframe_rate = 25\n[columns]\n{columns}'
+    recording, _ = read_any(path, mapping=written(tmp_path, "a.toml", mapping))
+    line = recording.site.reference or ()
+    assert line[0][0] == pytest.approx(-2.4)  # the front of the first, which drives to the west from x = 0
+    assert recording.tracks[c.LENGTH].to_list() == pytest.approx([4.8] * 480)
 
 
 @pytest.mark.parametrize(("exchanged", "spoils"), [(0, None), (2, True), (6, True)])
@@ -501,3 +511,17 @@ def test_places_written_as_0_0_are_no_places(tmp_path, earth):
 def test_a_road_may_begin_at_0_0(tmp_path):
     rows = [(i + 1, round(0.1 * (k + 20 * i), 1), 3 * k, 0, 1) for i in range(3) for k in range(30)]
     assert read_any(written(tmp_path, "a.csv", table(rows)))[1].rows == 90
+
+
+def test_a_row_far_along_the_road_does_not_lengthen_it(tmp_path):
+    rows = [(*row[:2], 90_000, *row[3:]) if index == 40 else row for index, row in enumerate(cars())]
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
+    assert recording.site.length < 200
+    assert (report.rows, report.rows_off_road) == (89, 1)
+
+
+def test_a_vehicle_that_a_simulator_puts_elsewhere_lengthens_the_road(tmp_path):
+    rows = [*cars(2), *((1, round(3 + 0.1 * k, 1), 900 + 2 * k, -1.8, 1) for k in range(30))]
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
+    assert (report.rows, report.tracks_cut) == (90, 1)
+    assert recording.site.length == pytest.approx(958, abs=1)

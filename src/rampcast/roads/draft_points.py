@@ -10,11 +10,14 @@ from jaxtyping import Bool, Float, Int
 from rampcast.recording import columns as c
 from rampcast.recording.cutting import FASTEST, NOISE
 from rampcast.recording.order import in_order, is_sorted, track_starts
+from rampcast.recording.smoothing import SHORTEST_TRACK
 from rampcast.roads.plane import PX, PY, ROAD, SOURCE_LANE, Plane
 
 KEY = (c.RECORDING, c.VEHICLE)
 INTERVAL = 0.5  # [s] between two rows of a track in the sample; a fast vehicle moves 20 m in it
 MOST = 400_000  # rows of a sample
+EMPTY = 50.0  # [m] in which a road that is seen has somebody sometime; else strays are looked for
+STANDS = 0.5  # [m] a piece of a track that moves less is at a place that stands for none
 HARDLY = 10.0  # [m] a track that covers less tells no direction: two lengths of a car
 
 
@@ -61,10 +64,12 @@ class Sample:
 def without_strays(plane: Plane) -> Plane:
     """Returns the plane without rows to which no vehicle can have driven: places that are not known, written as 0, 0.
 
-    Of a track that jumps, the piece with the most rows is kept. A single such row, kilometres away, would make the
-    longest way of all and draw the road.
+    Of a track that jumps, the piece with the most rows is kept, if it has some, and others of some rows that move. A
+    single stray row, kilometres away, would make the longest way of all and draw the road.
     """
     rows = plane.rows
+    if not any(_has_gap(rows[name].to_numpy()) for name in (PX, PY)):
+        return plane
     order = slice(None) if is_sorted(rows) else in_order(rows)
     px, py = (rows[name].to_numpy()[order] for name in (PX, PY))
     elapsed = np.diff(rows[c.FRAME].to_numpy()[order].astype(float)) * plane.time_step
@@ -74,11 +79,22 @@ def without_strays(plane: Plane) -> Plane:
     if not jumps.any():
         return plane
     edges = np.flatnonzero(jumps | np.isin(np.arange(rows.height), starts))
-    piece = pl.DataFrame({"size": np.diff(np.r_[edges, rows.height]), "track": np.searchsorted(starts, edges, "right")})
-    is_kept = piece.select((pl.col("size").arg_max() == pl.int_range(pl.len())).over("track")).to_series().to_numpy()
-    kept = np.repeat(is_kept, piece["size"].to_numpy())
+    size = np.diff(np.r_[edges, rows.height])
+    moves = np.maximum(*(np.maximum.reduceat(p, edges) - np.minimum.reduceat(p, edges) for p in (px, py))) > STANDS
+    piece = pl.DataFrame({"size": size, "track": np.searchsorted(starts, edges, "right")})
+    is_longest = (pl.col("size").arg_max() == pl.int_range(pl.len())) | (pl.col("size").max() < SHORTEST_TRACK)
+    is_kept = piece.select(is_longest.over("track")).to_series().to_numpy() | ((size >= SHORTEST_TRACK) & moves)
+    kept = np.repeat(is_kept, size)
     places = np.flatnonzero(kept) if isinstance(order, slice) else np.sort(order[kept])
     return replace(plane, rows=rows[places])
+
+
+def _has_gap(places: Float[np.ndarray, "row"]) -> bool:
+    """Returns whether there is a stretch without any place, as before a stray one: this is told without sorting."""
+    if not len(places):
+        return False
+    is_driven = np.bincount(((places - places.min()) / EMPTY).astype(np.int64)) > 0
+    return bool((~is_driven[1:-1]).any())
 
 
 def sample_of(plane: Plane) -> Sample:

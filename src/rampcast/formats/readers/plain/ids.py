@@ -48,6 +48,8 @@ def _of_nobody(names: pl.Series, absent: Sequence[str]) -> pl.Series:
     is_nobody = words.str.to_lowercase().is_in(NOBODY)
     if 2 * is_below.sum() < unique.len():
         is_nobody |= is_below
+    if not is_nobody.any():
+        return pl.repeat(False, len(names), eager=True)
     return names.is_in(unique.filter(is_nobody).implode())
 
 

@@ -33,6 +33,7 @@ from rampcast.recording import columns as c
 from rampcast.recording.reading import BadRows, ReadReport, join_reports
 from rampcast.recording.recording import METADATA_KEY
 from rampcast.recording.translation import as_words, translated
+from rampcast.roads.draft_points import without_strays
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, SOURCE_LANE, Plane, Road, plane_rows
 from rampcast.roads.project import on_roads
 from rampcast.sites import Lane, Site
@@ -119,7 +120,7 @@ def read_mapped(
         rows=_front(_with_heading(table, mapping, time_step, report.files), mapping.reference),
         time_step=time_step,
         simulated=mapping.simulated,
-        roads=() if mapping.plane else _roads(table),
+        roads=() if mapping.plane else _roads(table, time_step),
     )
     report = replace(report, sizes_filled=filled, vehicles_renumbered=renumbered, clock_slips=slips)
     recordings, report = on_roads(plane, _with_sources(site), report)
@@ -375,9 +376,10 @@ def _front(table: pl.DataFrame, reference: str) -> pl.DataFrame:
     )
 
 
-def _roads(table: pl.DataFrame) -> tuple[Road, ...]:
+def _roads(table: pl.DataFrame, time_step: float) -> tuple[Road, ...]:
     """Returns the road of a table along the road: x as it is, and the lanes by their numbers, centred on their rows."""
-    x = table[c.X].to_numpy()
+    places = table.select(c.RECORDING, c.VEHICLE, c.FRAME, pl.col(c.X).alias(PX), pl.col(c.Y).alias(PY))
+    x = without_strays(Plane("", "", NAME, places, time_step)).rows[PX].to_numpy()
     start = min(float(np.floor(x.min())), 0.0)  # a road begins at x = 0: one that began before is moved
     end = max(float(np.ceil(x.max())), start + 1.0)
     centres = table.filter(pl.col(c.LANE) > NO_LANE).group_by(c.LANE).agg(pl.col(c.Y).median()).sort(c.LANE)
