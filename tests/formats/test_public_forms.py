@@ -270,3 +270,19 @@ def test_tracks_of_levelx_without_lanelets_are_called_so(tmp_path):
     text = f"{names}\n1,1,0,1,2,0,2,4,9,0\n"
     with pytest.raises(FormatError, match="nearest first: exid: no column 'laneletId': inD, rounD and uniD have none"):
         read_all([written(tmp_path, "00_tracks.csv", text)])
+
+
+def test_a_type_that_interaction_does_not_know_is_read_with_the_mapping_that_the_message_asks_for(tmp_path):
+    names = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
+    kinds = {1: "car", 2: "car", 3: "biker"}
+    rows = [f"{i},{k},{100 * k},{kinds[i]},{30 * i + 2 * k},0,20,0,0,4.0,1.8" for i in kinds for k in range(30)]
+    path = written(tmp_path, "vehicle_tracks_000.csv", "\n".join([names, *rows]) + "\n")
+    with pytest.raises(FormatError, match=r"agent_type 'biker'.*--mapping, whose values say what it is"):
+        read_all([path])
+    time = 'time = { column = "timestamp_ms", unit = "ms" }'
+    columns = f'vehicle = "track_id"\n{time}\nx = "x"\ny = "y"\nlength = "length"'
+    kind = 'kind = { column = "agent_type", values = { car = "car", biker = "none" } }'
+    text = f'plane = true\nreference = "centre"\n[columns]\n{columns}\nwidth = "width"\n{kind}\n'
+    recording, report = read_any([path], mapping=written(tmp_path, "m.toml", text))
+    assert set(recording.tracks[c.VEHICLE]) == {1, 2}
+    assert report.rows_not_vehicles == 30

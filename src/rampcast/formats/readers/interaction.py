@@ -126,7 +126,8 @@ def _vehicles(rows: Rows) -> tuple[Rows, int, int]:
     if unknown.len():
         raise FormatError(
             f"{rows.file}: there is an agent_type '{unknown[0][:SHOWN]}'; expected one of "
-            f"{', '.join((*KINDS, *NOT_VEHICLES))}"
+            f"{', '.join((*KINDS, *NOT_VEHICLES))}. Name it so in the file, or describe the table with "
+            "--mapping, whose values say what it is (docs/formats/plain.md)"
         )
     kinds = lower.replace_strict(KINDS, default=None, return_dtype=PLANE_SCHEMA[c.KIND])
     kind = translated(rows.table["type"], types, kinds)
