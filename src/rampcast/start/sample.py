@@ -9,6 +9,7 @@ import polars as pl
 from rampcast.errors import FormatError
 from rampcast.formats.files.head import SIZE, Head
 from rampcast.formats.files.sources import open_source
+from rampcast.formats.tables.rows_careful import ABOVE
 from rampcast.formats.tables.thousands import GROUPED, has_decimal_commas, has_decimal_points, in_doubt
 
 BYTES = 24 << 20  # of a csv that are looked at: some 300,000 rows
@@ -60,8 +61,8 @@ def sample_of_head(head: Head) -> Sample:
         raise FormatError(f"{head.name}: the file has a header but no rows; get the file again")
     comma = has_decimal_commas(head)
     table = pl.read_csv(
-        io.BytesIO(rows), separator=head.header.separator, has_header=False, infer_schema=False,
-        truncate_ragged_lines=True, encoding="utf8-lossy",
+        io.BytesIO(ABOVE + b"\n" + rows), skip_lines=1, separator=head.header.separator, has_header=False,
+        infer_schema=False, truncate_ragged_lines=True, encoding="utf8-lossy",
     )  # fmt: skip
     table = _named(head.name, table, head.header.names)
     if not comma and not has_decimal_points(head):

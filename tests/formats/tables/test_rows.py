@@ -409,3 +409,15 @@ def test_a_chunk_with_a_fault_is_read_again_in_pieces_that_bound_memory(tmp_path
     assert (rows.table.height, rows.faults_counted, rows.faults[0].line) == (150_001, 1, 150_002)
     assert len(sizes) > 2
     assert max(sizes) <= rows_module.PIECE + 20
+
+
+@pytest.mark.parametrize("begins", [b"\x1f\x8b", b"(\xb5/\xfd", b"x\x01", b"x^", b"x\x9c", b"x\xda"])
+@pytest.mark.parametrize("cells", [b",2.5,car,10", b"", b",2.5,car,no"])
+def test_rows_that_begin_as_compressed_files_do_are_text(tmp_path, begins, cells):
+    columns = (Column("name", ("name",), pl.Categorical()), *COLUMNS[1:])
+    rows = begins + b"2" + cells + b"\n" + begins + b"3,-3.5,truck,20\n"
+    path = write(tmp_path, b"name,pos-x,kind,speed\n" + rows)
+    found = rows_of(path, columns, BadRows.SKIP)
+    assert found.table["x"].to_list() == ([2.5, -3.5] if cells == b",2.5,car,10" else [-3.5])
+    assert found.table["name"].cast(pl.String)[-1] == (begins + b"3").decode(errors="replace").strip()
+    assert found.faults_counted == 2 - found.table.height

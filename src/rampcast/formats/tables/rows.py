@@ -25,6 +25,7 @@ from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
 BLOCK = 1 << 17  # letters compared at once: what that gives fits the cache of a core
 FLOATS = (pl.Float32, pl.Float64)
+PACKED = (b"\x1f\x8b", b"(\xb5/\xfd", b"x\x01", b"x^", b"x\x9c", b"x\xda")  # polars would unpack it
 PIECE = 1 << 20  # [bytes] read with care together: as Python's own objects lines take twenty times their size
 
 
@@ -154,6 +155,8 @@ def _count(text: bytes, letter: bytes) -> int:
 
 
 def _read_text(text: bytes, layout: Layout, types: dict[str, Any]) -> pl.DataFrame | None:
+    if text.startswith(PACKED):
+        return None
     names = [f"{index}" for index in range(len(layout.header.names))]
     schema: dict[str, Any] = dict.fromkeys(names, pl.String())
     schema |= {names[index]: types.get(column.name, column.type) for index, column in layout.wanted}

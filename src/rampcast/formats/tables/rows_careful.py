@@ -17,6 +17,7 @@ from rampcast.formats.tables.thousands import grouped_numbers, number_in, styles
 from rampcast.recording.reading import BadRow
 
 LINE, GOOD = "number of the line", "is good"  # names of columns of our own beside those that are wanted
+ABOVE = b"#"  # a line above a text, or polars takes one that begins as compressed files do for such a file
 STAND_IN = b"\x1f"  # for a separator in quotes: a letter that no text has
 NUL = "a NUL byte: this part of the file was not written; get the file again"
 
@@ -49,7 +50,8 @@ def parse_carefully(chunk: bytes, layout: Layout, first_line: int, styles: Mappi
     lines = [b" ".join(line.split()) for line in lines] if layout.separator == b" " else lines
     unquoted, separator = _without_quotes(lines, layout.separator) if b'"' in chunk else lines, layout.separator
     counts = np.fromiter((line.count(separator) for line in unquoted), np.int64, len(lines))
-    is_plain = (counts == len(layout.header.names) - 1) & ~np.array([b'"' in line for line in unquoted])
+    is_quoted = [b'"' in short or STAND_IN in line for short, line in zip(unquoted, lines, strict=True)]
+    is_plain = (counts == len(layout.header.names) - 1) & ~np.array(is_quoted)
     places = np.flatnonzero(is_plain)
     cells = _cells([unquoted[place] for place in places], layout)
     styles = styles_of(cells, layout.groupable) | dict(styles)
@@ -84,7 +86,8 @@ def _cells(lines: list[bytes], layout: Layout) -> pl.DataFrame:
         return pl.DataFrame(schema={column.name: pl.String() for _, column in layout.wanted})
     names = [f"{index}" for index in range(len(layout.header.names))]
     text = pl.read_csv(
-        io.BytesIO(b"\n".join(lines)),
+        io.BytesIO(b"\n".join([ABOVE, *lines])),
+        skip_lines=1,
         has_header=False,
         separator=layout.header.separator,
         quote_char=None,
