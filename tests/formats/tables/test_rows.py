@@ -421,3 +421,15 @@ def test_rows_that_begin_as_compressed_files_do_are_text(tmp_path, begins, cells
     assert found.table["x"].to_list() == ([2.5, -3.5] if cells == b",2.5,car,10" else [-3.5])
     assert found.table["name"].cast(pl.String)[-1] == (begins + b"3").decode(errors="replace").strip()
     assert found.faults_counted == 2 - found.table.height
+
+
+@pytest.mark.parametrize("name", ["table.csv", "table.parquet"])
+def test_where_no_row_is_as_it_should_be_nobody_is_told_to_skip_them(tmp_path, name):
+    path = write(tmp_path, HEADER + "".join(f"{n},?,9{n:03},car,10\n" for n in range(6)))
+    if name.endswith("parquet"):
+        pl.read_csv(path).write_parquet(tmp_path / name)
+    with pytest.raises(FormatError, match=r"found '9000.*None of the first 6 rows .*--mapping") as raised:
+        rows_of(tmp_path / name, COLUMNS)
+    assert "--skip-bad-rows" not in str(raised.value)
+    with pytest.raises(FormatError, match=r"none of its 6 rows can be read.*--mapping"):
+        rows_of(tmp_path / name, COLUMNS, BadRows.SKIP)

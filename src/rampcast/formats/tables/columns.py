@@ -16,6 +16,8 @@ from rampcast.recording.reading import BadRow, ReadReport
 
 SHOWN = 40  # letters of a bad cell that a message shows
 MOST_NAMES = 40  # of columns that a message shows
+ALONE = 5  # bad rows with no good one beyond which the column is another than the format's
+OF_ALL = "Mend the column, or say what it is with --mapping (docs/formats/plain.md)"
 WHOLE = {pl.Int8: 2**7 - 1, pl.Int16: 2**15 - 1, pl.Int32: 2**31 - 1, pl.Int64: 2**63 - 1}  # and their largest
 
 
@@ -242,8 +244,15 @@ def missing(column: Column, names: Sequence[str]) -> str:
     )
 
 
-def advice(fault: BadRow) -> str:
-    """Returns what is wrong with a row, and what to do."""
+def advice(fault: BadRow, alike: int = 0) -> str:
+    """Returns what is wrong with a row, and what to do.
+
+    Args:
+        fault: the row.
+        alike: how many rows are bad where no good one was read.
+    """
+    if alike > ALONE:
+        return f"{fault}. None of the first {alike:,} rows can be read, so to skip them leaves nothing. {OF_ALL}"
     return f"{fault}. Mend the file, or skip such rows with --skip-bad-rows (bad_rows=BadRows.SKIP)"
 
 

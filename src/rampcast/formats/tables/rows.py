@@ -17,7 +17,18 @@ from rampcast.errors import FormatError
 from rampcast.formats.files.head import BYTE_ORDER_MARK, Head
 from rampcast.formats.files.sources import open_source, parse_ahead, read_chunks
 from rampcast.formats.tables.blanks import as_csv
-from rampcast.formats.tables.columns import Column, Layout, Part, Rows, advice, missing, other_rows, place_of, with_keys
+from rampcast.formats.tables.columns import (
+    OF_ALL,
+    Column,
+    Layout,
+    Part,
+    Rows,
+    advice,
+    missing,
+    other_rows,
+    place_of,
+    with_keys,
+)
 from rampcast.formats.tables.rows_careful import parse_carefully
 from rampcast.formats.tables.rows_typed import read_typed
 from rampcast.formats.tables.thousands import has_decimal_commas, has_decimal_points, large
@@ -37,7 +48,9 @@ def read_rows(head: Head, columns: Sequence[Column], *, bad_rows: BadRows = BadR
     """
     rows = (_read_csv if head.is_text else read_typed)(head, columns, bad_rows)
     if not rows.table.height and rows.faults and not rows.others:
-        raise FormatError(f"{rows.file}: none of its {rows.faults_counted:,} rows can be read. {rows.faults[0]}")
+        raise FormatError(
+            f"{rows.file}: none of its {rows.faults_counted:,} rows can be read. {rows.faults[0]}. {OF_ALL}"
+        )
     if not rows.table.height and not rows.others:
         raise FormatError(f"{rows.file}: the file has a header but no rows; get the file again")
     return rows
@@ -55,7 +68,8 @@ def _read_csv(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows:
             chunks = (chunk.replace(b",", b".") for chunk in chunks)
         for part in _parts(_skip(next(chunks, b""), layout), chunks, layout):
             if part.faults and bad_rows is BadRows.RAISE:
-                raise FormatError(advice(part.faults[0]))
+                is_any_good = any(table.height for table in (*tables, part.table))
+                raise FormatError(advice(part.faults[0], 0 if is_any_good else len(part.faults)))
             tables.append(part.table)
             faults.extend(part.faults[: MOST_LISTED - len(faults)])
             counted += len(part.faults)

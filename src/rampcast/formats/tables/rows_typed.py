@@ -40,7 +40,7 @@ def read_typed(head: Head, columns: Sequence[Column], bad_rows: BadRows) -> Rows
     faults = raw.select(ROW, reasons.list.first().alias("reason")).drop_nulls()
     listed = tuple(BadRow(head.name, row, 0, reason, "row") for row, reason in faults.head(MOST_LISTED).iter_rows())
     if listed and bad_rows is BadRows.RAISE:
-        raise FormatError(advice(listed[0]))
+        raise FormatError(advice(listed[0], faults.height if faults.height == raw.height else 0))
     good = raw.join(faults, on=ROW, how="anti") if listed else raw
     table = good.select(
         _cell(name, column, raw.schema[name]).cast(column.type, strict=False).alias(column.name)
