@@ -1,10 +1,12 @@
 """Courses of vehicles across a road: who drives over or under it, and where a projection onto its line is senseless."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import polars as pl
 from jaxtyping import Bool, Float, Int
 
-from rampcast.recording.order import in_order, track_starts
+from rampcast.recording.order import in_order, is_sorted, track_starts
 from rampcast.sites.site import LANE_WIDTH
 
 AROUND = 0.5  # [s] before and after a moment between which its course is taken: a lane change takes 3 s and more
@@ -16,6 +18,7 @@ CROSSED = 1.5 * LANE_WIDTH  # [m] aside that no change of lane is, even one that
 BACKWARDS = 20.0  # [m] upstream between first and last row; a driver who reverses on a ramp goes less
 ALWAYS_BACK = 5.0  # [m] likewise, of who never drives the other way
 ASIDE, ALONG, BACK = 0, 1, -1
+BLOCK = 1 << 15  # rows done at once: their arrays fit the cache of a core
 
 Row = Float[np.ndarray, "row"]
 Course = Int[np.ndarray, "row"]
@@ -36,23 +39,42 @@ def courses(
     """
     if rows.is_empty():
         return np.zeros(0, np.int64)
-    order = in_order(rows)
+    order = slice(None) if is_sorted(rows) else in_order(rows)
     starts = track_starts(rows, order)
-    ends = np.r_[starts[1:], len(order)]
-    first, last = (np.repeat(edge, ends - starts) for edge in (starts, ends - 1))
-    points = np.stack([*place, x, y])[:, order]
-    at, around = np.arange(len(order)), max(round(AROUND / time_step), 1)
-    behind, ahead = np.maximum(at - around, first), np.minimum(at + around, last)
-    dx, dy, moved = _way(points, behind, ahead)
-    chord_dx, _, chord = _way(points, first, last)
-    is_known = moved >= MOVED
-    course = _course(np.where(is_known, dx, chord_dx), np.where(is_known, moved, chord))
-    course[~is_known & (chord < MOVED)] = ALONG  # who stands may stand in a queue
+    points = tuple(one[order] for one in (*place, x, y))
+    course, is_aslant = _ways(points, starts, max(round(AROUND / time_step), 1))
     course = _only_crossings(course, points[3], starts)
-    course[_passes(is_known & (np.abs(dy) > ASLANT * moved), points[3], starts, edges)] = ASIDE
-    back = np.empty(len(order), np.int64)
+    course[_passes(is_aslant, points[3], starts, edges)] = ASIDE
+    back = np.empty_like(course)
     back[order] = course
     return back
+
+
+def _ways(
+    points: Sequence[Row], starts: Int[np.ndarray, "track"], around: int
+) -> tuple[Course, Bool[np.ndarray, "row"]]:
+    """Returns the course of each row, and whether it leads aslant over the road.
+
+    Args:
+        points: in the plane, along the road and to the left of its line [m], by vehicle and time.
+        starts: the first row of each track.
+        around: rows before and after a row between which its course is taken.
+    """
+    size = len(points[0])
+    ends = np.r_[starts[1:], size] - 1
+    dx, _, moved = _way(points, starts, ends)
+    whole = np.where(moved < MOVED, ALONG, _course(dx, moved))  # who stands may stand in a queue
+    track = np.repeat(np.arange(len(starts), dtype=np.int32), ends + 1 - starts)
+    course, is_aslant = np.empty(size, whole.dtype), np.empty(size, bool)
+    for start in range(0, size, BLOCK):
+        part = slice(start, start + BLOCK)
+        of = track[part]
+        at = np.arange(start, start + len(of))
+        dx, dy, moved = _way(points, np.maximum(at - around, starts[of]), np.minimum(at + around, ends[of]))
+        is_known = moved >= MOVED
+        course[part] = np.where(is_known, _course(dx, moved), whole[of])
+        is_aslant[part] = is_known & (np.abs(dy) > ASLANT * moved)
+    return course, is_aslant
 
 
 def upstream(rows: pl.DataFrame, x: Row) -> Bool[np.ndarray, "row"]:
@@ -75,9 +97,11 @@ def upstream(rows: pl.DataFrame, x: Row) -> Bool[np.ndarray, "row"]:
     return found
 
 
-def _way(points: Float[np.ndarray, "4 row"], behind: Course, ahead: Course) -> tuple[Row, Row, Row]:
+def _way(
+    points: Sequence[Row], behind: Int[np.ndarray, "some"], ahead: Int[np.ndarray, "some"]
+) -> tuple[Float[np.ndarray, "some"], Float[np.ndarray, "some"], Float[np.ndarray, "some"]]:
     """Returns how far vehicles come along the road, to its left, and in the plane [m]."""
-    px, py, x, y = points[:, ahead] - points[:, behind]
+    px, py, x, y = (one[ahead] - one[behind] for one in points)
     return x, y, np.hypot(px, py)
 
 
