@@ -340,7 +340,7 @@ def test_heads_of_citysim_that_are_behind_the_middle_are_refused(tmp_path, excha
         rows.append((k, 1, x, 50, x - 7.5 if exchanged else x + 7.5, 50, *box, 40.9, 1))
     path = written(tmp_path, "FreewayC-01.csv", table(rows, names))
     if exchanged:
-        with pytest.raises(FormatError, match=r"Likely they are of the rear\. Mend headXft"):
+        with pytest.raises(FormatError, match=r"Likely they are of the rear\. Exchange their names"):
             read_any(path)
     else:
         assert read_any(path)[0].tracks[c.LENGTH][0] == pytest.approx(15 * 0.3048)
@@ -525,3 +525,56 @@ def test_a_vehicle_that_a_simulator_puts_elsewhere_lengthens_the_road(tmp_path):
     recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
     assert (report.rows, report.tracks_cut) == (90, 1)
     assert recording.site.length == pytest.approx(958, abs=1)
+
+
+# What looks like one of these kinds, and is none.
+
+
+@pytest.mark.parametrize("has_frames", [False, True])
+def test_every_third_frame_of_a_camera_may_be_missing(tmp_path, has_frames):
+    kept = [k for k in range(60) if k % 3 != 2]
+    rows = [(i + 1, k, round(k / 30, 4), 50 * i + 20 * k / 30, -1.8, 1) for i in range(10) for k in kept]
+    rows = rows if has_frames else [(row[0], *row[2:]) for row in rows]
+    names = "vehicle,frame,time,x,y,lane" if has_frames else "vehicle,time,x,y,lane"
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows, names)))
+    assert (recording.time_step, report.rows) == (pytest.approx(1 / 30), 400)
+
+
+def test_a_car_that_enters_at_0_0_and_an_id_that_is_used_again_there_are_known(tmp_path):
+    unseen = [(1, t, x, 0, 1) for t, x in [(0.0, 0), *((round(2 + 0.1 * k, 1), 60 + 3 * k) for k in range(40))]]
+    again = [(2, round(first + 0.1 * k, 1), 3 * k, 0, 1) for first in (0, 26) for k in range(60)]
+    assert read_any(written(tmp_path, "a.csv", table(unseen + again)))[1].rows == 161
+
+
+def test_ids_of_which_some_are_below_zero_are_ids(tmp_path):
+    rows = [(row[0] - 4 if row[0] < 4 else row[0], *row[1:]) for row in cars(9)]
+    recording, report = read_any(written(tmp_path, "a.csv", table(rows)))
+    assert (recording.tracks[c.VEHICLE].n_unique(), report.rows_skipped, report.rows) == (9, 0, 270)
+
+
+def test_a_rate_that_is_said_and_off_by_a_thousandth_is_no_fault_of_the_frames(tmp_path):
+    rows = [
+        (i, k, round(k / 29.97, 4), 20 * (k - 900 * i) / 30, -1.8, 1)
+        for i in range(80)
+        for k in range(900 * i, 900 * i + 60)
+    ]
+    columns = COLUMNS + 'frame = "frame"\ntime = "time"\n'
+    mapping = written(tmp_path, "a.toml", f"frame_rate = 30\n[columns]\n{columns}")
+    path = written(tmp_path, "a.csv", table(rows, "vehicle,frame,time,x,y,lane"))
+    assert read_any(path, mapping=mapping)[1].rows == 4800
+
+
+def test_rows_of_no_lane_that_is_known_are_read_as_the_message_says(tmp_path):
+    rows = [(*row[:3], -1.8 - 3.6 * (row[0] % 2), row[0] % 2) for row in cars(4)]
+    path = written(tmp_path, "a.csv", table(rows))
+    with pytest.raises(FormatError, match=r"in no lane that is known, values = \{ 0 = 0, 1 = 1 \}"):
+        read_any(path)
+    columns = COLUMNS.replace('lane = "lane"', 'lane = { column = "lane", values = { 0 = 0, 1 = 1 } }')
+    report = read_any(path, mapping=written(tmp_path, "a.toml", f'[columns]\ntime = "time"\n{columns}'))[1]
+    assert report.rows == 120
+
+
+def test_speeds_rounded_down_to_metres_per_second_in_a_queue_are_those_of_the_positions(tmp_path):
+    rows = [(i + 1, round(k * 0.1, 1), 50 * i + 0.45 * k, -1.8, 1, 4.0) for i in range(3) for k in range(60)]
+    recording, _ = read_any(written(tmp_path, "a.csv", table(rows, "vehicle,time,x,y,lane,speed")))
+    assert breaches_of(recording) == ()

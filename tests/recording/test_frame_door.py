@@ -39,7 +39,6 @@ def test_more_vehicles_than_fit_on_the_road_are_refused_at_once():
         ("impossible_speeds", {"before": 1500.0}),
         ("jumps", {"v": 65.0, "before": 80.0 + 5.0}),
         ("impossible_lengths", {"length": 450.0}),
-        ("wider_than_long", {"width": 4.8}),
         ("upstream", {"v": -20.0, "before": 82.0}),
         ("unknown_lanes", {"lane": 12}),
         ("one_place", {"x": 50.2, "y": -3.6, "before": 48.1}),
@@ -61,3 +60,21 @@ def test_a_vehicle_that_two_sensors_see_is_one_though_another_drives_beside_it()
     found = frame_door(SITE, [1, 2, 3], x, y)
     assert [(one.name, one.vehicle) for one in found.breaches] == [("one_place", 3)]
     assert found.is_believable.tolist() == [True, True, False]
+
+
+def test_a_point_that_a_radar_sees_is_named_and_stays_a_leader():
+    values = SOUND | {"width": np.array([1.8, 4.8, 1.8])}
+    found = frame_door(SITE, [1, 2, 3], X, Y, **values)
+    assert [(one.name, one.vehicle) for one in found.breaches] == [("wider_than_long", 2)]
+    assert found.is_believable.all()
+    refused_frame(found, doing="a forecast")
+    with pytest.raises(RecordingError, match=r"wider than long .*\(3 of 3\)"):
+        refused_frame(frame_door(SITE, [1, 2, 3], X, Y, **SOUND | {"width": np.full(3, 4.8)}), doing="a forecast")
+
+
+def test_one_of_the_opposite_carriageway_stops_no_forecast_and_a_line_turned_round_does():
+    one = frame_door(SITE, [1, 2, 3], X, Y, v=np.array([20.0, -8.0, 20.0]))
+    assert [(one.name, one.vehicle) for one in one.breaches] == [("upstream", 2)]
+    refused_frame(one, doing="a forecast")
+    with pytest.raises(RecordingError, match=r"drive upstream .*\(3 of 3\)"):
+        refused_frame(frame_door(SITE, [1, 2, 3], X, Y, v=-V), doing="a forecast")

@@ -52,6 +52,12 @@ def test_a_vehicle_that_no_road_has_is_named_and_the_stream_is_as_it_was(changes
     assert_same(stream.push(1.1, frame(1.1)), other.push(1.1, frame(1.1)))
 
 
+def test_an_object_wider_than_long_stays_and_is_there_to_be_followed():
+    stream = begun()
+    seen = frame(1.0, length=1.6) | {"width": [1.8, 1.9, 1.8]}
+    assert len(stream.push(1.0, seen).vehicle) == 3
+
+
 def test_all_vehicles_in_one_place_are_refused_and_one_that_two_sensors_see_is_not():
     stream = begun()
     stream.push(1.0, frame(1.0, x=30.2, vehicle=10))

@@ -18,7 +18,9 @@ from rampcast.sites.site import NO_LANE
 
 BACKWARDS = -5.0  # [m/s] faster nobody backs on such a road
 IMPOSSIBLE = ("no_numbers", "far_places", "impossible_speeds", "unknown_lanes", "crowds")  # the others may be noise
-MAY_BE = {"one_place": HALF}  # share that sensors do: one vehicle that two of them see
+# Shares that sensors do: a vehicle that two of them see, the opposite carriageway, the point that a radar sees.
+MAY_BE = {"one_place": HALF, "upstream": HALF, "wider_than_long": HALF}
+KEPT = ("wider_than_long",)  # a wrong size spoils a forecast less than a leader who is missing
 
 Values = Float[np.ndarray, "vehicle"]
 
@@ -103,7 +105,7 @@ def frame_door(
         cases = [*_of_places(site, x, y), *moving, *sizes]
         cases += [] if lane is None else [_of_lanes(site, lane)]
     found = tuple(_breach(case, vehicles, frame) for case in cases if case.wrong.any())
-    return FrameFound(found, ~np.logical_or.reduce([case.wrong for case in cases]))
+    return FrameFound(found, ~np.logical_or.reduce([case.wrong for case in cases if case.name not in KEPT]))
 
 
 def _breach(case: _Case, vehicles: Sequence[int | str], frame: int | None) -> Breach:

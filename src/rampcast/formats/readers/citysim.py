@@ -93,7 +93,7 @@ def _check_heads(name: str, table: pl.DataFrame) -> None:
     x, y = pl.col("x") * FOOT, pl.col("y") * -FOOT
     ahead, left = x - pl.col("middle_x") * FOOT, y + pl.col("middle_y") * FOOT
     rows = table.select("id", "frame", x=x, y=y, heading=pl.arctan2(left, ahead))
-    advice = "Mend headXft and headYft, which are not in front of carCenterXft and carCenterYft"
+    advice = "Exchange their names, or read carCenterXft and carCenterYft with --mapping (reference = 'centre')"
     check_headings(name, rows, ["id"], time_step=1 / FRAME_RATE, advice=advice)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from rampcast.errors import FormatError
-from rampcast.formats.steps.clock import numbered, told_step
+from rampcast.formats.steps.clock import HELD, numbered, told_step
 from rampcast.recording import columns as c
 
 TIME = "time"
@@ -40,7 +40,7 @@ def with_frames(
         _check_one_rate(some, time_step, c.FRAME if has_frames else TIME, files)
     _check_tracks(some, time_step if has_frames else 1.0, c.FRAME if has_frames else TIME, files)
     if has_frames:
-        _check_frames(table, time_step, files)
+        _check_frames(table, _own_step(some, time_step), files)
         return table.with_columns(pl.col(c.FRAME).cast(pl.Int32)), time_step, 0
     frames, slips = numbered(", ".join(files), table[TIME], time_step)
     return table.with_columns(pl.Series(c.FRAME, frames)), time_step, slips
@@ -75,7 +75,7 @@ def _check_one_rate(some: pl.DataFrame, time_step: float, moment: str, files: Se
     """Raises if many vehicles are seen at moments that lie between those of most, as another camera's are."""
     unit = time_step if moment == c.FRAME else 1.0
     later = some.filter(pl.col(f"{moment}_step") > 0)
-    own = later.group_by(TRACK).agg(pl.len(), step=pl.col(f"{moment}_step").median() * unit)
+    own = later.group_by(TRACK).agg(pl.len(), step=pl.col(f"{moment}_step").quantile(0.5, "lower") * unit)
     steps = own.filter(pl.col("len") >= FEWEST)["step"].to_numpy()
     off = np.abs(steps / time_step - np.maximum(np.rint(steps / time_step), 1.0)) > OFF_STEP
     if len(steps) and off.mean() > MANY:
@@ -88,9 +88,18 @@ def _check_one_rate(some: pl.DataFrame, time_step: float, moment: str, files: Se
         )
 
 
-def _check_frames(table: pl.DataFrame, time_step: float, files: Sequence[str]) -> None:
-    """Raises if frames are not those of the times, as where each vehicle's own are counted from 0."""
-    began = pl.col(TIME) - pl.col(c.FRAME) * time_step
+def _own_step(some: pl.DataFrame, time_step: float) -> float:
+    """Returns the time from frame to frame [s] that the times tell, not rounded; without times, the time step."""
+    held = some.filter(pl.col("frame_step").is_between(1, HELD) & (pl.col("time_step") > 0))
+    return float(held["time_step"].sum() / held["frame_step"].sum()) if held.height else time_step
+
+
+def _check_frames(table: pl.DataFrame, own_step: float, files: Sequence[str]) -> None:
+    """Raises if frames are not those of the times, as where each vehicle's own are counted from 0.
+
+    A time step that is said, and off what the times tell by little, makes frames drift, and is no fault of theirs.
+    """
+    began = pl.col(TIME) - pl.col(c.FRAME) * own_step
     known = table.select(*TRACK, c.FRAME, TIME, began=began).drop_nulls("began")
     off = known.with_columns(off=(pl.col("began") - pl.col("began").median().over(c.RECORDING)).abs())
     wrong = off.filter(pl.col("off") > FRAMES_OFF)

@@ -10,6 +10,7 @@ from rampcast.formats.readers.plain.mapping import TableMapping
 from rampcast.formats.tables.columns import SHOWN, Rows
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
+RARE = 0.1  # share of the ids, of which those below zero may stand for nobody
 NOBODY = ("nan", "none", "null", "na", "n/a", "<na>", "nil")  # as programs write that there is no id
 
 
@@ -39,14 +40,15 @@ def with_ids(rows: Rows, mapping: TableMapping, bad_rows: BadRows) -> Rows:
 def _of_nobody(names: pl.Series, absent: Sequence[str]) -> pl.Series:
     """Returns which names are of nobody, by their own look and not as the mapping says.
 
-    They are words for that, or numbers below zero where most are not.
+    They are words for that, or a number below zero where the others are not, or few; where many are, they are ids, as
+    of 64 bits with a sign.
     """
     unique = names.unique().drop_nulls()
     words = unique.to_frame("word").select(without_zeros(pl.col("word").cast(pl.String))).to_series()
     unique, words = unique.filter(~words.is_in(absent)), words.filter(~words.is_in(absent))
     is_below = (words.cast(pl.Float64, strict=False) < 0).fill_null(False)
     is_nobody = words.str.to_lowercase().is_in(NOBODY)
-    if 2 * is_below.sum() < unique.len():
+    if 2 * is_below.sum() < unique.len() and (is_below.sum() == 1 or is_below.mean() <= RARE):
         is_nobody |= is_below
     if not is_nobody.any():
         return pl.repeat(False, len(names), eager=True)

@@ -37,9 +37,9 @@ def check_lanes(table: pl.DataFrame, files: Sequence[str]) -> None:
     low, middle, high = (float(nowhere.quantile(share) or 0.0) for share in (0.1, 0.5, 0.9))
     if high - low < NARROW and BESIDE[0] <= float((centres - middle).abs().to_numpy().min()) <= BESIDE[1]:
         numbers = rows[c.LANE].unique().sort().head(MOST_SHOWN).to_list()
-        values = ", ".join(f"{number} = {number + 1}" for number in numbers)
+        values, same = (", ".join(f"{number} = {number + more}" for number in numbers) for more in (1, 0))
         raise FormatError(
             f"{', '.join(files)}: {nowhere.len():,} of {table.height:,} rows are of lane 0, which is none, and drive "
             f"as in one, at y = {middle:.1f} m. Are lanes counted from 0? Count them from 1, or say in a mapping "
-            f"values = {{ {values} }} of the column"
+            f"values = {{ {values} }} of the column; if they are in no lane that is known, values = {{ {same} }}"
         )
