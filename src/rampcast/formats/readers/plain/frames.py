@@ -91,7 +91,8 @@ def _check_one_rate(some: pl.DataFrame, time_step: float, moment: str, files: Se
 def _own_step(some: pl.DataFrame, time_step: float) -> float:
     """Returns the time from frame to frame [s] that the times tell, not rounded; without times, the time step."""
     held = some.filter(pl.col("frame_step").is_between(1, HELD) & (pl.col("time_step") > 0))
-    return float(held["time_step"].sum() / held["frame_step"].sum()) if held.height else time_step
+    elapsed, frames = (held[name].to_numpy().sum() for name in ("time_step", "frame_step"))
+    return float(elapsed / frames) if held.height else time_step
 
 
 def _check_frames(table: pl.DataFrame, own_step: float, files: Sequence[str]) -> None:

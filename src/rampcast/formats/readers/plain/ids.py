@@ -48,7 +48,8 @@ def _of_nobody(names: pl.Series, absent: Sequence[str]) -> pl.Series:
     unique, words = unique.filter(~words.is_in(absent)), words.filter(~words.is_in(absent))
     is_below = (words.cast(pl.Float64, strict=False) < 0).fill_null(False)
     is_nobody = words.str.to_lowercase().is_in(NOBODY)
-    if 2 * is_below.sum() < unique.len() and (is_below.sum() == 1 or is_below.mean() <= RARE):
+    count = is_below.sum()
+    if 2 * count < unique.len() and (count == 1 or count <= RARE * unique.len()):
         is_nobody |= is_below
     if not is_nobody.any():
         return pl.repeat(False, len(names), eager=True)
