@@ -16,6 +16,7 @@ NOISE = 5.0  # [m] a car's length: a tracker that slips so far still follows the
 SPEED_NOISE = 3.0  # [m/s] of a speed over half a second, where a place is off by a metre
 ASIDE, ASIDE_RATE = 7.5, 3.0  # [m, m/s] aside: two lanes, which simulators cross in a step, and as fast as one swerves
 BESIDE = 0.5  # [s] before and after a step that tell how fast the vehicle was
+BLOCK = 1 << 15  # rows done at once: their arrays fit the cache of a core
 
 Row = Float[np.ndarray, "row"]
 
@@ -53,29 +54,47 @@ def _free_ids(vehicle: Int[np.ndarray, "row"], count: int) -> Int[np.ndarray, "p
 
 def _impossible(tracks: pl.DataFrame, starts: Int[np.ndarray, "track"], time_step: float) -> Bool[np.ndarray, "row"]:
     """Returns which rows no vehicle can have reached from its row before, after up to 5 s."""
-    x, y = (tracks[name].to_numpy().astype(float) for name in (c.X, c.Y))
+    x, y = (tracks[name].to_numpy().astype(float, copy=False) for name in (c.X, c.Y))
     frame = tracks[c.FRAME].to_numpy().astype(np.int64)
-    elapsed = np.diff(frame, prepend=0) * time_step
-    elapsed[starts] = np.inf
-    came, aside = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
-    reach = NOISE + IMPOSSIBLE_ACCELERATION * np.minimum(elapsed, LONGEST_FILLED_GAP) ** 2 / 2
-    known = np.isfinite(elapsed) & (elapsed > 0) & (elapsed <= LONGEST_FILLED_GAP)
-    is_odd = (came < -reach) | (came > reach) | (np.abs(aside) > ASIDE) | (elapsed > BESIDE)  # few rows; none else is
-    suspects = np.flatnonzero(known & is_odd)
     found = np.zeros(len(x), bool)
+    suspects = _suspects(x, y, frame, starts, time_step)
     if not len(suspects):
         return found
+    came, aside = x[suspects] - x[suspects - 1], y[suspects] - y[suspects - 1]
+    time = (frame[suspects] - frame[suspects - 1]) * time_step
     first = np.repeat(starts, np.diff(np.r_[starts, len(x)]))
     before, after = _speeds(x, frame * time_step, first, suspects)
     slow, fast = np.fmin(before, after), np.fmax(before, after)
     slow, fast = np.nan_to_num(slow, nan=0.0), np.nan_to_num(fast, nan=FASTEST)
-    time = elapsed[suspects]
+    reach = _reach(time)
     # who must be as slow again has half of the time to speed up, and half to brake
     both = (before + after) / 2 * time + IMPOSSIBLE_ACCELERATION * time**2 / 4 + NOISE + SPEED_NOISE * time
-    farthest = np.fmin(fast * time + reach[suspects], both)
-    is_along = (came[suspects] < slow * time - reach[suspects]) | (came[suspects] > farthest)
-    found[suspects] = is_along | (np.abs(aside[suspects]) > ASIDE + ASIDE_RATE * time)
+    farthest = np.fmin(fast * time + reach, both)
+    is_along = (came < slow * time - reach) | (came > farthest)
+    found[suspects] = is_along | (np.abs(aside) > ASIDE + ASIDE_RATE * time)
     return found
+
+
+def _suspects(
+    x: Row, y: Row, frame: Int[np.ndarray, "row"], starts: Int[np.ndarray, "track"], time_step: float
+) -> Int[np.ndarray, "some"]:
+    """Returns the rows that follow their vehicle's row before in an odd way or after a hole, of up to 5 s."""
+    is_start = np.zeros(len(x), bool)
+    is_start[starts] = True
+    found = []
+    for first in range(1, len(x), BLOCK):
+        part = slice(first - 1, first + BLOCK)
+        elapsed = np.diff(frame[part]) * time_step
+        came, aside = np.abs(np.diff(x[part])), np.abs(np.diff(y[part]))
+        is_odd = (came > _reach(elapsed)) | (aside > ASIDE) | (elapsed > BESIDE)
+        known = (elapsed > 0) & (elapsed <= LONGEST_FILLED_GAP) & ~is_start[first : first + BLOCK]
+        found.append(np.flatnonzero(known & is_odd) + first)
+    return np.concatenate(found)
+
+
+def _reach(elapsed: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some"]:
+    """Returns how far noise and all that grip allows lead off a steady way [m] in a time [s]."""
+    return NOISE + IMPOSSIBLE_ACCELERATION * elapsed**2 / 2
 
 
 def _speeds(
