@@ -103,3 +103,15 @@ def test_two_moments_of_a_vehicle_far_from_each_other_are_no_speed_once_the_firs
     stream.push(4.2, {"vehicle": ["b"], "x": [10.0], "y": [0.0]})
     stream.push(4.3, {"vehicle": ["a"], "x": [480.0], "y": [0.0]})
     assert stream.counts.frames == 3
+
+
+def test_times_in_milliseconds_are_told_and_an_outage_is_not():
+    stream = rc.Stream(SITE)
+    for tenth in range(3):
+        stream.push(100.0 * tenth, frame(tenth / 10))
+    with pytest.raises(
+        RecordingError, match=r"300 s comes 100 s after the one before.*milliseconds\? Expected seconds"
+    ):
+        stream.push(300.0, frame(0.3))
+    assert stream.counts.frames == 3
+    assert len(stream.push(300.1, frame(0.1)).vehicle) == 3  # frames come in seconds again

@@ -18,6 +18,7 @@ from rampcast.traffic.moments import SPAN, Rows, Traffic, select, traffic_of_row
 
 NEEDED = (c.VEHICLE, c.X, c.Y)
 CAR = c.KINDS.index("car")
+MOST_APART = 3  # frames in a row so far behind each other that no vehicle has two rows: no outage, another unit
 GO_ON = 'Leave such vehicles out, or take them all the same with doubtful="accept" (rc.Stream, rc.Online)'
 
 
@@ -63,6 +64,7 @@ class Stream:
         self.counts = StreamCounts()
         self._rows: Rows | None = None
         self._newest = -np.inf
+        self._offered, self._apart = np.inf, 0  # time of the last frame, refused or not, and how many came far apart
 
     def push(self, time: float, frame: Any) -> Traffic:
         """Returns the traffic at the newest time that came so far.
@@ -77,12 +79,14 @@ class Stream:
 
         Raises:
             RecordingError: the time is no finite number, a column is missing, or holds what it may not; or a vehicle is
-                where none can be, or came there faster than any can. The stream is then as it was before.
+                where none can be, or came there faster than any can; or frames come so far apart, again and again,
+                that no vehicle has two rows in 4 s. The stream is then as it was before.
         """
         if not np.isfinite(time):
             raise RecordingError(f"expected the time of a frame as a finite number of seconds, got {time!r}")
         rows, repeated = _once(_rows(float(time), frame))
         if not self._accepts:
+            self._check_rate(float(time))
             _check(self.site, self._rows, rows, float(time))
         late = time < self._newest
         self._newest = max(self._newest, float(time))
@@ -100,6 +104,17 @@ class Stream:
         self._rows = kept
         traffic = traffic_of_rows(self.site, self._newest, kept)
         return replace(traffic, is_accepted=True) if self._accepts else traffic
+
+    def _check_rate(self, time: float) -> None:
+        """Raises RecordingError where frames come far apart again and again."""
+        gap, self._offered = time - self._offered, time
+        self._apart = self._apart + 1 if gap > SPAN else 0
+        if self._apart >= MOST_APART:
+            raise RecordingError(
+                f"the frame at {time:g} s comes {gap:,.0f} s after the one before, and so did those before it: no "
+                f"vehicle has two rows in {SPAN:g} s, and nothing can be forecast. Are times in milliseconds? Expected "
+                "seconds"
+            )
 
 
 def _check(site: Site, known: Rows | None, rows: Rows, time: float) -> None:
