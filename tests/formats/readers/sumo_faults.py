@@ -55,6 +55,12 @@ BAD_ROWS = [
     ("no id", "f.xml", xml(' id="b"', ""), r"line 9: vehicle '': no attribute 'id'"),
     ("an empty id", "f.xml", xml('id="b"', 'id=""'), r"line 9: vehicle '': id: expected text"),
     (
+        "a time that is empty",
+        "f.xml",
+        xml('time="0.00"', 'time=""'),
+        r"line 5: vehicle 'a': expected seconds or hours:minutes:seconds as time .* found ''",
+    ),
+    (
         "a vehicle outside of time",
         "f.xml",
         xml("    </timestep>\n", "    </timestep>\n" + STEPS.split("\n")[1] + "\n"),

@@ -212,7 +212,8 @@ def _steps(
     if has_more.any() or any(a == b for a, b in zip(is_start.tolist(), is_open[:-1], strict=True)):
         return None
     try:
-        times = [seconds(text) if start else np.nan for text, start in zip(marks["1"], is_start.tolist(), strict=True)]
+        texts = marks["1"].fill_null("")
+        times = [seconds(text) if start else np.nan for text, start in zip(texts, is_start.tolist(), strict=True)]
     except ValueError:
         return None
     before = np.nan if place.time is None else place.time
