@@ -240,3 +240,28 @@ def test_the_lanelet_of_many_points_is_the_one_a_plain_loop_finds():
             step = np.diff(np.append(seen, seen[0]))
             rounds.append(round(abs(((step + np.pi) % (2 * np.pi) - np.pi).sum()) / (2 * np.pi)))
         assert index == (rounds.index(1) if 1 in rounds else -1)
+
+
+def test_an_obstacle_that_heads_elsewhere_than_it_moves_is_left_out_if_asked_for(tmp_path):
+    cars = [
+        obstacle(
+            number,
+            "car",
+            rectangle(4, 2),
+            *(
+                state(k, 5 + 10 * row + k, 2 - 4 * (row % 2), turned, "<velocity><exact>10</exact></velocity>")
+                for k in range(30)
+            ),
+        )
+        for row, (number, turned) in enumerate([(7, 0.0), (9, math.pi), (11, 0.0)])
+    ]
+    with pytest.raises(FormatError, match=r"20 of 60 rows .*or leave such obstacles out with --skip-bad-rows"):
+        read(tmp_path, with_obstacles(*cars))
+    recording, report = read(tmp_path, with_obstacles(*cars), BadRows.SKIP)
+    assert sorted(recording.tracks[c.VEHICLE].unique()) == [7, 11]
+    assert (report.rows_read, report.rows_skipped) == (90, 30)
+    assert [str(one).rpartition("/")[2] for one in report.skipped] == [
+        "s.xml, obstacle 2: '9' heads elsewhere than it moves"
+    ]
+    with pytest.raises(FormatError, match="Likely they are of the rear"):
+        read(tmp_path, with_obstacles(cars[1]), BadRows.SKIP)

@@ -43,7 +43,8 @@ def check_headings(name: str, rows: pl.DataFrame, track: Sequence[str], *, time_
     Raises:
         FormatError: more than a tenth of the moving rows head elsewhere.
     """
-    heading, way = _moving(_some(rows), track, max(round(2 * AROUND / time_step), 1))
+    moving = _moving(_some(rows), track, time_step)
+    heading, way = (moving[name].to_numpy() for name in ("heading", "way"))
     is_off = _apart(heading, way) > OFF
     if len(heading) < FEW or is_off.mean() <= MANY:
         return
@@ -57,6 +58,20 @@ def check_headings(name: str, rows: pl.DataFrame, track: Sequence[str], *, time_
     )
 
 
+def heading_elsewhere(rows: pl.DataFrame, track: str, *, time_step: float) -> list[int | str]:
+    """Returns the tracks of which more than a tenth of the moving rows head elsewhere than they move.
+
+    Args:
+        rows: as in `check_headings`.
+        track: the column that tells tracks apart.
+        time_step: between two frames [s].
+    """
+    moving = _moving(rows, [track], time_step)
+    is_off = _apart(moving["heading"].to_numpy(), moving["way"].to_numpy()) > OFF
+    shares = moving.select(track, off=pl.Series(is_off)).group_by(track).agg(pl.col("off").mean())
+    return shares.filter(pl.col("off") > MANY)[track].to_list()
+
+
 def _some(rows: pl.DataFrame) -> pl.DataFrame:
     if rows.height <= PLACES * LOOKED_AT:
         return rows
@@ -64,20 +79,20 @@ def _some(rows: pl.DataFrame) -> pl.DataFrame:
     return pl.concat([rows.slice(int(start), LOOKED_AT) for start in starts]).unique(maintain_order=True)
 
 
-def _moving(
-    rows: pl.DataFrame, track: Sequence[str], apart: int
-) -> tuple[Float[np.ndarray, "moving"], Float[np.ndarray, "moving"]]:
-    """Returns headings in the middle of so many frames in which a vehicle moves, and the way it moves then [rad]."""
-    rows = rows.sort(*track, "frame").with_columns(track=pl.struct(track).rle_id())
-    later = [pl.col(name).shift(-apart) for name in ("track", "frame", "x", "y")]
+def _moving(rows: pl.DataFrame, track: Sequence[str], time_step: float) -> pl.DataFrame:
+    """Returns of each row that moves its track, its heading, and the way that it moves around that moment [rad]."""
+    apart = max(round(2 * AROUND / time_step), 1)
+    rows = rows.sort(*track, "frame").with_columns(number=pl.struct(track).rle_id())
+    later = [pl.col(name).shift(-apart) for name in ("number", "frame", "x", "y")]
     middle = pl.col("heading").shift(-(apart // 2))
     moved = rows.select(
+        *track,
         heading=middle.cast(pl.Float64),
         dx=later[2] - pl.col("x"),
         dy=later[3] - pl.col("y"),
-        known=(later[0] == pl.col("track")) & (later[1] - pl.col("frame") == apart) & middle.is_not_null(),
+        known=(later[0] == pl.col("number")) & (later[1] - pl.col("frame") == apart) & middle.is_not_null(),
     ).filter(pl.col("known") & (pl.col("dx").pow(2) + pl.col("dy").pow(2) >= MOVED**2))
-    return moved["heading"].to_numpy(), np.arctan2(moved["dy"].to_numpy(), moved["dx"].to_numpy())
+    return moved.select(*track, "heading", way=pl.arctan2("dy", "dx"))
 
 
 def _apart(one: Float[np.ndarray, "row"], other: Float[np.ndarray, "row"]) -> Float[np.ndarray, "row"]:

@@ -6,6 +6,7 @@ Source: the documentation of CommonRoad's xml; see docs/formats/commonroad.md.
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -16,18 +17,20 @@ from rampcast.formats.files.xml_text import find_root
 from rampcast.formats.format import Format, Needs, Recordings
 from rampcast.formats.readers.commonroad.xml import ROOT, Scenario, read_scenario, read_time_step
 from rampcast.formats.steps.clock import check_one_step
-from rampcast.formats.steps.headings import check_headings
+from rampcast.formats.steps.headings import check_headings, heading_elsewhere
 from rampcast.formats.steps.lanelets import lanelet_at
 from rampcast.formats.steps.places import different_names, one_place
 from rampcast.formats.steps.vehicles import whole_ids
 from rampcast.recording import columns as c
-from rampcast.recording.reading import BadRows, ReadReport, join_reports
+from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows, ReadReport, join_reports
 from rampcast.roads.plane import PLANE_SCHEMA, PX, PY, ROAD, SOURCE_LANE, Plane
 from rampcast.roads.project import on_roads
 from rampcast.sites import Site
 
 BENCHMARK = re.compile(r"(?:C-)?(([A-Z]{3})_\w+?-\d+)_.+")  # country, place and number of the map, then what drives
 NOWHERE_LAND = "ZAM"  # Zamunda, the country of made-up scenarios
+HEADINGS = {"id": "id", c.FRAME: c.FRAME, "x": "x", "y": "y", "heading": "orientation"}
+WITHOUT_THEM = "Mend the file, or leave such obstacles out with --skip-bad-rows (bad_rows=BadRows.SKIP)"
 STATE = ("id", c.KIND, "box", c.FRAME, "x", "y", "orientation", c.RECORDED_V, c.RECORDED_A)
 
 
@@ -39,7 +42,7 @@ def misses_commonroad(head: Head) -> str | None:
 
 def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows) -> tuple[Recordings, ReadReport]:
     """Returns the recordings in scenarios of one map, each a part named by its benchmarkID, and what reading found."""
-    scenarios = [read_scenario(head.path, bad_rows) for head in heads]
+    scenarios = [_with_headings(read_scenario(head.path, bad_rows), bad_rows) for head in heads]
     paths = [head.path for head in heads]
     names = [one.attributes.get("benchmarkID") or path.stem for one, path in zip(scenarios, paths, strict=True)]
     different_names(paths, names)
@@ -60,6 +63,31 @@ def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows)
     return on_roads(plane, site, join_reports([report for _, report in found]))
 
 
+def _with_headings(scenario: Scenario, bad_rows: BadRows) -> Scenario:
+    """Returns a scenario whose obstacles head where they move; those that do not are left out if asked for."""
+    if not scenario.states:
+        return scenario
+    columns = dict(zip(STATE, zip(*scenario.states, strict=True), strict=True))
+    states = pl.DataFrame({ours: columns[name] for ours, name in HEADINGS.items()})
+    time_step = read_time_step(scenario)
+    try:
+        check_headings(scenario.file, states, ["id"], time_step=time_step, advice=WITHOUT_THEM)
+    except FormatError:
+        wrong = set(heading_elsewhere(states, "id", time_step=time_step))
+        kept = [state for state in scenario.states if state[0] not in wrong]
+        if bad_rows is BadRows.RAISE or not kept:
+            raise
+        order = dict.fromkeys(state[0] for state in scenario.states)
+        faults = [
+            BadRow(scenario.file, number, 0, f"'{one}' heads elsewhere than it moves", "obstacle")
+            for number, one in enumerate(order, start=1)
+            if one in wrong
+        ]
+        counted = scenario.faults_counted + len(scenario.states) - len(kept)
+        return replace(scenario, states=kept, faults=[*scenario.faults, *faults][:MOST_LISTED], faults_counted=counted)
+    return scenario
+
+
 def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
     """Returns the rows of a scenario with the front centre as position, and what reading found."""
     if not scenario.states:
@@ -73,8 +101,6 @@ def _in_plane(scenario: Scenario, name: str) -> tuple[pl.DataFrame, ReadReport]:
         np.array([getattr(box, part) for box in boxes]) for part in ("length", "width", "front_x", "front_y")
     )
     x, y, heading = (np.array(columns.pop(part)) for part in ("x", "y", "orientation"))
-    states = pl.DataFrame({"id": columns["id"], c.FRAME: columns[c.FRAME], "x": x, "y": y, "heading": heading})
-    check_headings(scenario.file, states, ["id"], time_step=read_time_step(scenario), advice="Mend the file")
     px = x + np.cos(heading) * ahead - np.sin(heading) * left
     py = y + np.sin(heading) * ahead + np.cos(heading) * left
     lanelets = [lanelet.name for lanelet in scenario.lanelets]
