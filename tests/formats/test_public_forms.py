@@ -13,6 +13,7 @@ from rampcast.formats.steps.written_times import seconds_written
 from rampcast.recording import Recording
 from rampcast.recording import columns as c
 from rampcast.recording.invariants import breaches_of
+from rampcast.recording.parquet import refusing_damage
 from rampcast.start import Answers, StartError, start
 from tests.formats.test_public_kinds import NAMES, ROWS, X, records, table, written
 
@@ -286,3 +287,19 @@ def test_a_type_that_interaction_does_not_know_is_read_with_the_mapping_that_the
     recording, report = read_any([path], mapping=written(tmp_path, "m.toml", text))
     assert set(recording.tracks[c.VEHICLE]) == {1, 2}
     assert report.rows_not_vehicles == 30
+
+
+@pytest.mark.parametrize("form", [None, "sumo"])
+def test_an_element_of_thousands_of_letters_is_not_told_whole(tmp_path, form):
+    path = written(tmp_path, "a.xml", f"<{'a' * 70_000}></{'a' * 70_000}>")
+    with pytest.raises(FormatError, match="outermost element") as raised:
+        read_all([path], format=form)
+    assert len(str(raised.value)) < 1_000
+
+
+def test_what_polars_says_of_a_damaged_file_is_the_same_each_time(tmp_path):
+    with (
+        pytest.raises(FormatError, match=r"JoinError::Panic\(\"left 18\"\)\)"),
+        refusing_damage(tmp_path / "a.parquet"),
+    ):
+        raise pl.exceptions.PanicException('JoinError::Panic(Id(36513), "left 18")')

@@ -335,7 +335,7 @@ def _check_is_a_table_s_text(head: Head) -> None:
         raise FormatError(f"{head.name}: a web page, perhaps one to sign in, and not the file; get it again")
     if (root := find_root(head.text)) is not None:
         raise FormatError(
-            f"{head.name}: xml, its outermost element <{root.name}>. Read are SUMO's floating car data (<fcd-export>, "
+            f"{head.name}: xml, its outermost element {root.shown}. Read are SUMO's floating car data (<fcd-export>, "
             "by sumo --fcd-output FILE) and CommonRoad's scenarios (<commonRoad>); of another program, export csv"
         )
     is_of_mac = head.is_text and b"\r" in head.text and b"\n" not in head.text

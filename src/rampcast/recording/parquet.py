@@ -1,5 +1,6 @@
 """Parquet files that others may have damaged: read, or refused with what is wrong and never with a library's error."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from rampcast.errors import FormatError
 # A damaged file can make polars panic, which is no Exception.
 DAMAGED = (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError, ValueError, OverflowError)
 SHOWN = 200  # letters of the library's message that are shown
+THREAD = re.compile(r"Id\(\d+\), ")  # of a panic: another number each time
 MANY = 1_000_000  # rows: with more of them a file is suspected to be made to fill the memory
 DENSEST = 2  # rows in a byte of a file that are believed; recordings have one in 10 bytes
 
@@ -54,5 +56,5 @@ def refusing_damage(path: Path) -> Iterator[None]:
     try:
         yield
     except DAMAGED as error:
-        reason = next(iter(str(error).splitlines()), "")[:SHOWN]
+        reason = THREAD.sub("", next(iter(str(error).splitlines()), ""))[:SHOWN]
         raise FormatError(f"{path}: a damaged parquet file ({reason}); get the file again") from error

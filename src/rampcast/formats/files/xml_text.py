@@ -14,6 +14,7 @@ BEFORE = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|<\?.*?\?>|<!--.*?-->)*", re.DOTALL
 START_TAG = re.compile(rb"""<([A-Za-z_][\w.:-]*)(?:[^<>"']|"[^"<]*"|'[^'<]*')*>""")
 ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
 LONGEST = 200  # letters of a parser's reason: it names elements, however long their names are
+SHOWN = 40  # letters of an element's name that a message shows
 PLAIN_ENCODINGS = ("utf-8", "utf8", "us-ascii", "ascii")
 
 
@@ -24,6 +25,11 @@ class Root:
     name: str
     end: int
     is_utf8: bool
+
+    @property
+    def shown(self) -> str:
+        """Returns its name as messages show it, however long it is."""
+        return f"<{self.name[:SHOWN]}>"
 
 
 def find_root(text: bytes) -> Root | None:
@@ -53,7 +59,7 @@ def expect_root(name: str, text: bytes, wanted: str) -> Root:
         raise FormatError(f"{name}: it has a document type (<!DOCTYPE ...>), which these files have not; remove it")
     root = find_root(text)
     if root is None or root.name != wanted:
-        found = f"found <{root.name}>" if root else "found no start of an element"
+        found = f"found {root.shown}" if root else "found no start of an element"
         raise FormatError(f"{name}: expected xml whose outermost element is <{wanted}>, {found}")
     return root
 
