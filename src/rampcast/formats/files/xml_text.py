@@ -11,7 +11,8 @@ from typing import Any
 from rampcast.errors import FormatError
 
 BEFORE = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|<\?.*?\?>|<!--.*?-->)*", re.DOTALL)
-START_TAG = re.compile(rb"""<([A-Za-z_][\w.:-]*)(?:[^<>"']|"[^"<]*"|'[^'<]*')*>""")
+# Possessive (*+): where no > ends it, no shorter name is tried, which would take the square of its length.
+START_TAG = re.compile(rb"""<([A-Za-z_][\w.:-]*+)(?:[^<>"']|"[^"<]*"|'[^'<]*')*+>""")
 ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
 LONGEST = 200  # letters of a parser's reason: it names elements, however long their names are
 SHOWN = 40  # letters of an element's name that a message shows
