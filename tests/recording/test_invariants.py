@@ -111,7 +111,9 @@ def test_a_recording_without_a_time_step_is_none(sound, step):
         replace(sound, time_step=step)
 
 
-@pytest.mark.parametrize(("factor", "spoils"), [(3.6, False), (3.28084, False), (1.0, None), (1.7, True)])
+@pytest.mark.parametrize(
+    ("factor", "spoils"), [(3.6, False), (3.28084, False), (1.0, None), (1.7, True), (25 / 30, True), (30 / 25, True)]
+)
 def test_recorded_speeds_are_compared_and_another_unit_of_them_alone_spoils_nothing(sound, factor, spoils):
     speed = x.diff().over(c.RECORDING, c.VEHICLE) / sound.time_step * factor
     found = breaches_of(changed(sound, recorded_v=speed.cast(pl.Float32)))

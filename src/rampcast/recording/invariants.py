@@ -29,10 +29,7 @@ LONGEST_HOLE = 6 * 3600.0  # [s] in which nobody is seen; a longer one parts two
 BESIDE_LANE = 5.0  # [m] more than a lane's width
 LANE_SPACING = (1.5, 15.0)  # [m] between two lanes' centres next to each other; beyond it there is another road
 BACKWARDS = -5.0  # [m] a vehicle that ends a car's length behind where it began drives upstream
-RATIO = (
-    0.86,
-    1.14,
-)  # of recorded to derived speeds, 1.00 in NGSIM, 0.9 in whole m/s; 25 Hz read as 30 is 1.2, 30 as 25 0.83
+RATIO = (0.86, 1.14)  # of recorded to derived speeds; whole m/s in a queue are 0.9, 25 Hz read as 30 1.2, 30 as 25 0.83
 MOST_FASTEST = 50.0  # [m/s] 180 km/h: on roads without a limit half of the cars drive 40 m/s or less
 MOVING = 3.0  # [m/s] slower vehicles tell nothing of a ratio
 SLOWEST = 0.001  # [m/s] of a ratio: what does not move at all has none

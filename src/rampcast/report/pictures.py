@@ -108,7 +108,9 @@ def _draw_road(ax: Axes, site: Site, now: pl.DataFrame, vehicle: Any, extent: tu
     ax.set_ylim(min(centres + near) - LANE_WIDTH, max(centres) + LANE_WIDTH)
     ax.set_yticks([])
     ax.grid(visible=False)
-    ax.set_xlabel("the road now, from above [m]: the vehicle is violet, the lane to merge from light blue")
+    is_seen = not site.has_ramp or site.gore < extent[1]
+    merging = "is light blue" if is_seen else f"begins at {site.gore:.0f} m"
+    ax.set_xlabel(f"the road now, from above [m]: the vehicle is violet, the lane to merge from {merging}")
 
 
 def draw_merges(figure: Figure, merges: pl.DataFrame, site: Site) -> None:

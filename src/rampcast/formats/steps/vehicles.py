@@ -71,7 +71,7 @@ def without_odd_numbers(rows: Rows, spelling: str, bad_rows: BadRows) -> Rows:
     ]
     if bad_rows is BadRows.RAISE or is_bad.all():
         raise FormatError(advice(faults[0]))
-    return _without(rows, is_bad, faults)
+    return without_rows(rows, is_bad, faults)
 
 
 def with_sizes(rows: pl.DataFrame) -> tuple[pl.DataFrame, int]:
@@ -117,11 +117,17 @@ def without_vehicles(rows: Rows, is_bad: pl.Series, reason: str, bad_rows: BadRo
     faults = [BadRow(rows.file, vehicle, 0, reason, "vehicle") for vehicle in listed]
     if bad_rows is BadRows.RAISE or is_bad.all():
         raise FormatError(f"{faults[0]}. Rows of such vehicles are skipped with --skip-bad-rows")
-    return _without(rows, is_bad, faults)
+    return without_rows(rows, is_bad, faults)
 
 
-def _without(rows: Rows, is_bad: pl.Series, faults: Sequence[BadRow]) -> Rows:
-    """Returns the rows without the bad ones, which are counted, and some listed."""
+def without_rows(rows: Rows, is_bad: pl.Series, faults: Sequence[BadRow]) -> Rows:
+    """Returns the rows without the bad ones, which are counted, and some listed.
+
+    Args:
+        rows: of a file.
+        is_bad: of each row.
+        faults: what is wrong, of some of the bad ones.
+    """
     return replace(
         rows,
         table=rows.table.filter(~is_bad),

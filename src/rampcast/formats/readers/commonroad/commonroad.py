@@ -64,20 +64,25 @@ def read_commonroad(heads: Sequence[Head], site: Site | None, bad_rows: BadRows)
 
 
 def _with_headings(scenario: Scenario, bad_rows: BadRows) -> Scenario:
-    """Returns a scenario whose obstacles head where they move; those that do not are left out if asked for."""
+    """Returns a scenario whose obstacles head where they move; those that do not are left out if asked for.
+
+    Raises:
+        FormatError: some do not and are not to be left out, or half of them do not: the headings are of another kind.
+    """
     if not scenario.states:
         return scenario
     columns = dict(zip(STATE, zip(*scenario.states, strict=True), strict=True))
     states = pl.DataFrame({ours: columns[name] for ours, name in HEADINGS.items()})
     time_step = read_time_step(scenario)
     try:
-        check_headings(scenario.file, states, ["id"], time_step=time_step, advice=WITHOUT_THEM)
+        advice = WITHOUT_THEM if bad_rows is BadRows.RAISE else "Mend the file"
+        check_headings(scenario.file, states, ["id"], time_step=time_step, advice=advice)
     except FormatError:
         wrong = set(heading_elsewhere(states, "id", time_step=time_step))
         kept = [state for state in scenario.states if state[0] not in wrong]
-        if bad_rows is BadRows.RAISE or not kept:
-            raise
         order = dict.fromkeys(state[0] for state in scenario.states)
+        if bad_rows is BadRows.RAISE or not 0 < 2 * len(wrong) < len(order):
+            raise
         faults = [
             BadRow(scenario.file, number, 0, f"'{one}' heads elsewhere than it moves", "obstacle")
             for number, one in enumerate(order, start=1)

@@ -7,6 +7,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.readers.plain.mapping import TableMapping
+from rampcast.formats.steps.vehicles import without_rows
 from rampcast.formats.tables.columns import SHOWN, Rows
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
 
@@ -75,6 +76,4 @@ def _without(rows: Rows, column: str, is_nobody: pl.Series, bad_rows: BadRows) -
             f"{faults[0]}. Mend the file, say in a mapping that it is nobody (absent = '{name}'), or skip such rows "
             "with --skip-bad-rows (bad_rows=BadRows.SKIP)"
         )
-    listed = (*rows.faults, *faults)[:MOST_LISTED]
-    counted = rows.faults_counted + int(is_nobody.sum())
-    return replace(rows, table=rows.table.filter(~is_nobody), faults=listed, faults_counted=counted)
+    return without_rows(rows, is_nobody, faults)

@@ -1,11 +1,10 @@
 """Places of a table that are not known, written as 0, 0: a vehicle is not there."""
 
-from dataclasses import replace
-
 import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.readers.plain.mapping import Entry, TableMapping
+from rampcast.formats.steps.vehicles import without_rows
 from rampcast.formats.tables.columns import Rows, advice
 from rampcast.recording.cutting import FASTEST, NOISE
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
@@ -38,9 +37,7 @@ def with_places(rows: Rows, mapping: TableMapping, bad_rows: BadRows) -> Rows:
     ]
     if bad_rows is BadRows.RAISE:
         raise FormatError(advice(faults[0]))
-    listed = (*rows.faults, *faults)[:MOST_LISTED]
-    counted = rows.faults_counted + int(is_bad.sum())
-    return replace(rows, table=rows.table.filter(~is_bad), faults=listed, faults_counted=counted)
+    return without_rows(rows, is_bad, faults)
 
 
 def _unknown(table: pl.DataFrame, mapping: TableMapping, names: tuple[str, str]) -> pl.Series:

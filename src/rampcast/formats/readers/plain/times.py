@@ -6,6 +6,7 @@ import polars as pl
 
 from rampcast.errors import FormatError
 from rampcast.formats.readers.plain.mapping import TableMapping
+from rampcast.formats.steps.vehicles import without_rows
 from rampcast.formats.steps.written_times import WRITTEN, seconds_written
 from rampcast.formats.tables.columns import SHOWN, Rows, advice
 from rampcast.recording.reading import MOST_LISTED, BadRow, BadRows
@@ -62,6 +63,4 @@ def _without(
         raise FormatError(advice(faults[0]))
     if wrong.all():
         raise FormatError(f"{rows.file}: none of its {len(wrong):,} rows can be read. {faults[0]}")
-    listed = (*rows.faults, *faults)[:MOST_LISTED]
-    counted = rows.faults_counted + int(wrong.sum())
-    return replace(rows, table=rows.table.filter(~wrong), faults=listed, faults_counted=counted)
+    return without_rows(rows, wrong, faults)
